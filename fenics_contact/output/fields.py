@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.facet_points import geometry_degree
 from fenics_contact.assembly.system import System
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.output.names import plain_name
-from fenics_contact.output.places import centre_of
+from fenics_contact.output.places import centre_of, inner_points
+from fenics_contact.output.recovery import Patches
 from fenics_contact.output.slave_nodes import RANK_OF_STATUS, STATUS_OF_RANK, NodalContact, SlaveNodes
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solid import virtual_power as vp
@@ -18,17 +20,20 @@ from fenics_contact.units import Units
 
 
 class CellValues:
-    """F (n, 3, 3) and Cauchy stress (n, 3, 3) [pressure] of local cells at their centres."""
+    """F (n, 3, 3) and Cauchy stress (n, 3, 3) [pressure] of local cells at their centres; stress at the bodies' corners."""
 
     def __init__(self, scene: Scene, system: System) -> None:
         domain, u = scene.mesh.domain, system.state.u
-        self._scene, centre = scene, centre_of(compat.cell_name(domain))
-        self._gradient = compat.cell_evaluator(domain, vp.deformation_gradient(u, scene.section), centre)
+        self._scene, cell = scene, compat.cell_name(domain)
+        # Of degree 1 strains are most accurate at the centre
+        self._points = np.array([centre_of(cell), *(inner_points(cell) if scene.degree > 1 else [])])
+        self._gradient = compat.cell_evaluator(domain, vp.deformation_gradient(u, scene.section), self._points[:1])
         self._stresses = [
-            (self._cells(body), compat.cell_evaluator(domain, vp.cauchy_stress(law, u, scene.section), centre))
+            (self._cells(body), compat.cell_evaluator(domain, vp.cauchy_stress(law, u, scene.section), self._points))
             for body, law in zip(scene.bodies, system.terms[0].laws, strict=True)
         ]
         self.owned = np.arange(compat.cell_map(domain).size_local, dtype=np.int32)
+        self._patches: list[tuple[Ints, Patches]] = []
 
     def _cells(self, body: Body) -> Ints:
         tags = self._scene.mesh.cell_tags
@@ -41,8 +46,33 @@ class CellValues:
         values = np.zeros((len(cells), 9))
         for of_body, evaluate in self._stresses:
             mine = np.isin(cells, of_body)
-            values[mine] = evaluate(cells[mine])
+            values[mine] = evaluate(cells[mine])[:, :9]
         return values.reshape(-1, 3, 3)
+
+    def corner_stresses(self) -> list[tuple[Ints64, Floats]]:
+        """Of each body its corners, local nodes of a space of degree 1, and their stresses (n, 3, 3), see `recovery`.
+        Collective."""
+        if not self._patches:
+            mesh = self._scene.mesh.domain
+            flat, table = (
+                compat.lagrange_space(mesh, 1),
+                compat.tabulate(
+                    compat.basix_element(compat.cell_name(mesh), geometry_degree(mesh)), 0, self._inner(self._points)
+                )[0],
+            )
+            for of_body, _ in self._stresses:
+                own = of_body[of_body < len(self.owned)]
+                places = np.einsum("kn,cnx->ckx", table, mesh.geometry.x[compat.geometry_dofmap(mesh)[own]])
+                self._patches.append((own, Patches(flat, own, places)))
+        out = []
+        for (_, evaluate), (own, patches) in zip(self._stresses, self._patches, strict=True):
+            found = self._inner(np.moveaxis(evaluate(own).reshape(len(own), len(self._points), 9), 1, 0))
+            out.append((patches.nodes, patches.fitted(np.moveaxis(found, 0, 1)).reshape(-1, 3, 3)))
+        return out
+
+    def _inner(self, at_points: Floats) -> Floats:
+        """Of what there is at the points, first index, what patches take."""
+        return at_points if len(self._points) == 1 else at_points[1:]
 
 
 class ContactFields:
@@ -87,7 +117,8 @@ def _corners(flat: Space, space: Space) -> Ints64:
 class Fields:
     """Functions of a scene's solution, units in their names, refreshed by `update`; of degree 1 or constant per cell.
 
-    displacement [length]; cauchy_stress, J per cell [pressure, 1]; the ContactFields of all contacts, where a node of two
+    displacement [length]; cauchy_stress, J per cell [pressure, 1]; corner_stress [pressure], at nodes of several bodies the
+    mean of theirs, which by_body has apart; the ContactFields of all contacts, where a node of two
     shows the one that presses more, with the least gap and the status that holds it most, and, of several, `each` by name.
     """
 
@@ -98,6 +129,10 @@ class Fields:
         self.cauchy_stress = compat.Function(
             compat.constant_space(mesh, (3, 3)), name=f"cauchy_stress_{scene.units.pressure}"
         )
+        self.corner_stress = compat.Function(
+            compat.lagrange_space(mesh, 1, (3, 3)), name=f"nodal_cauchy_stress_{scene.units.pressure}"
+        )
+        self.by_body: list[tuple[Ints64, Floats]] = []
         self.J = compat.Function(compat.constant_space(mesh), name="J")
         self._cells = CellValues(scene, system)
         self._surfaces = surfaces_of(scene, system) if surfaces is None else surfaces
@@ -116,7 +151,13 @@ class Fields:
     @property
     def all(self) -> list[Function]:
         contact = [self._contact, *self.each.values()] if self._surfaces else []
-        return [self.displacement, self.cauchy_stress, self.J, *(f for fields in contact for f in fields.all)]
+        return [
+            self.displacement,
+            self.corner_stress,
+            self.cauchy_stress,
+            self.J,
+            *(f for fields in contact for f in fields.all),
+        ]
 
     def update(self) -> None:
         """Evaluate all fields at the system's state. Collective."""
@@ -128,11 +169,20 @@ class Fields:
         owned = self._cells.owned
         self._per_cell(self.J, np.linalg.det(self._cells.F(owned)))
         self._per_cell(self.cauchy_stress, self._cells.stress(owned))
+        self._put_corner_stress()
         if self._surfaces:
             found = [surface.at_state() for surface in self._surfaces]
             self._contact.put(_joined(found))
             for fields, at in zip(self.each.values(), found, strict=False):
                 fields.put(at)
+
+    def _put_corner_stress(self) -> None:
+        self.by_body = self._cells.corner_stresses()
+        nodes = np.concatenate([nodes for nodes, _ in self.by_body])
+        values = np.concatenate([values for _, values in self.by_body]).reshape(-1, 9)
+        out = self.corner_stress.x.array.reshape(-1, 9)
+        sums = np.stack([np.bincount(nodes, column, len(out)) for column in values.T], axis=1)
+        out[:] = sums / np.maximum(np.bincount(nodes, minlength=len(out)), 1)[:, None]
 
     def _per_cell(self, function: Function, values: Floats) -> None:
         function.x.array[: values.size] = values.ravel()  # one block per cell, numbered like the cells

@@ -11,7 +11,7 @@ from fenics_contact.output.late import agg, collections, figures, patches, paths
 from fenics_contact.output.layers import layers, mean, unit
 from fenics_contact.output.raster import rasterised
 from fenics_contact.output.render import pyvista_works, rendered
-from fenics_contact.output.skin import AXES, FLAT, Skin, normals
+from fenics_contact.output.skin import AXES, FLAT, Skin, normals, quarters
 from fenics_contact.output.views import View, slice_axis
 from fenics_contact.types import Array, Bools, Floats
 from fenics_contact.values import SceneError
@@ -26,6 +26,7 @@ STRIPE = 0.008  # of the picture's size: thickness of the band of a contact fiel
 SPIKE = 0.05  # of the picture's size: height of the largest value drawn off a slave surface
 DEEPEST = 0.4  # of the bodies' thickness: that height at most
 PIECES = 6  # of a line of a slice's slave surface: each has one colour
+UNSEEN, MANY = 1 / 64, 20_000  # of the colours: no more within a tile of a slice's side; tiles that are cut no further
 DOTS = 200  # per inch of what is saved
 LONGEST = 5.3  # inches, of an image in space as it is laid out
 
@@ -175,15 +176,18 @@ def _triad(axes: Any, view: View, low: Floats, high: Floats, unit: str) -> float
 
 # -- slices ---------------------------------------------------------------------------------------------------------------
 def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> None:
-    """The side of a slice that faces the eye, its surfaces as lines, walls of the tools."""
+    """The side of a slice that faces the eye, its colours going over from corner to corner, its surfaces as lines, walls."""
     body, view = drawing.body, drawing.view
     near = view.depth(body.X) >= view.depth(body.X).max() - FLAT * np.ptp(body.X)
     side = body.part(near.all(axis=1))
     wall = body.part(~near.all(axis=1))
-    face = tint.of(mean(side.values))
-    axes.add_collection(
-        collections.PolyCollection(view.flat(side.x), facecolors=face, edgecolors=(0, 0, 0, 0.22), linewidths=0.25)
-    )
+    whole, tiles, values = view.flat(side.x), view.flat(side.x), side.values
+    while len(tiles) < MANY and np.ptp(values, axis=1).max(initial=0.0) > UNSEEN * (tint.high - tint.low):
+        tiles, values = quarters(tiles), quarters(values)
+    face = tint.of(mean(values))
+    axes.add_collection(collections.PolyCollection(tiles, facecolors=face, edgecolors=face, linewidths=0.2))
+    around = np.concatenate([whole, whole[:, :1]], axis=1)
+    axes.add_collection(collections.LineCollection(around, colors=(0, 0, 0, 0.22), linewidths=0.25))
     for tiles in drawing.tools:
         ends, normal = _section(tiles, drawing)
         flat, out = view.flat(ends), view.flat(normal)

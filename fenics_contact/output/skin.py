@@ -79,15 +79,16 @@ def look(fields: Fields, name: str) -> Look:
         )
     if name == "J":
         return Look("volume ratio J", _per_cell(mesh, fields.J.x.array))
-    stress = fields.cauchy_stress.x.array.reshape(-1, 3, 3)
-    least = UNSTRESSED * min(body.material.shear_modulus for body in fields.scene.bodies)
-    stress = np.where(np.abs(stress) > least, stress, 0.0)
     if name == "von_mises":
-        return Look(f"von Mises stress [{units.pressure}]", _per_cell(mesh, _von_mises(stress)))
+        return Look(f"von Mises stress [{units.pressure}]", _of_bodies(fields, _von_mises))
     if word == "stress" and len(axis) == 2 and (set(axis) <= set(AXES) if section is None else axis in IN_PLANE):
-        values = stress[:, AXES.index(axis[0]), AXES.index(axis[1])]
+        row, column = AXES.index(axis[0]), AXES.index(axis[1])
         around = ", around the axis" if section is not None and section.axisymmetric and axis == "zz" else ""
-        return Look(f"Cauchy stress {axis}{around} [{units.pressure}]", _per_cell(mesh, values), kind="signed")
+        return Look(
+            f"Cauchy stress {axis}{around} [{units.pressure}]",
+            _of_bodies(fields, lambda s: s[:, row, column]),
+            kind="signed",
+        )
     return _look_at_contact(fields, name)
 
 
@@ -131,6 +132,19 @@ def _nodal(function: Function, part: Part) -> Callable[[Ints, int], Floats]:
 
 def _per_cell(mesh: Mesh, values: Floats) -> Callable[[Ints, int], Floats]:
     return lambda cells, facet: np.repeat(values[cells][:, None], 4, axis=1)
+
+
+def _of_bodies(fields: Fields, part: Callable[[Floats], Floats]) -> Callable[[Ints, int], Floats]:
+    """What `part` takes of stresses (n, 3, 3), at the corners of facets, each body's own, for they jump between bodies."""
+    scene, space = fields.scene, fields.corner_stress.function_space
+    least = UNSTRESSED * min(body.material.shear_modulus for body in scene.bodies)
+    values = np.zeros((len(scene.bodies), len(fields.corner_stress.x.array) // 9))
+    for mine, (nodes, stress) in zip(values, fields.by_body, strict=True):
+        mine[nodes] = part(np.where(np.abs(stress) > least, stress, 0.0))
+    body = bodies_of_cells(scene)[:, None]
+    return lambda cells, facet: values[
+        body[cells], compat.cell_dofs(space)[cells][:, _ring(scene.mesh.domain, space, facet)]
+    ]
 
 
 def _ring(mesh: Mesh, space: object, facet: int) -> Ints:
