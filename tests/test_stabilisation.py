@@ -18,7 +18,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.assembly.grounding import SHARE
-from fenics_contact.meshes import box, two_blocks
+from fenics_contact.meshes import box, rectangles, two_blocks
 from fenics_contact.solvers.held import LONGEST, Following, Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -159,6 +159,26 @@ def test_a_plate_stays_where_a_punch_leaves_it(friction):
     assert any("nothing held body 'box'" in note for note in result.verdict.notes)
     # friction holds some of what slid while it was pressed
     assert np.abs(u).max(initial=0.0) < (1e-6 if friction == 0.0 else 0.05)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("plane", ["axisymmetric", "strain"])
+def test_what_supports_or_hoops_take_is_no_load_on_a_free_body(plane, friction):
+    """Hoop stresses of a cylinder, or the pressure on the side of a half that its plane of symmetry holds, have a resultant
+    along x; along y, where a lid is lifted off, nothing pulls."""
+    mesh = read_gmsh(rectangles.build, rectangles={"b": ((0.0, 0.0), (3.0, 2.0), (6, 4))})
+    scene = Scene(Body(mesh, "b", neo_hooke(1.0, 3.0)), plane=plane)
+    if plane == "strain":
+        scene.fix("b_xmin", "x")
+    scene.pressure("b_xmax", 0.05)
+    lid = rigid_plane((0, 2, 0), normal=(0, -1, 0), name="lid")
+    scene.contact("b_ymin", rigid_plane((0, 0, 0), normal=(0, 1, 0), name="floor"), friction, name="low")
+    scene.contact("b_ymax", lid, friction, name="top")
+    stages = [Stage("down", move={lid: (0, -0.4, 0)}, steps=4), Stage("up", move={lid: (0, 0.6, 0)}, steps=8)]
+    result = solve(scene, stages=stages).require()
+    force = result.column("low_force_y_N")
+    assert np.abs(force).max() > 0.1 and abs(force[-1]) < 1e-6 * np.abs(force).max()
+    assert any("nothing held body 'b' along y" in note for note in result.verdict.notes)
 
 
 class Stumbling(Newton):

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.supports import Supports
-from fenics_contact.types import Floats, Ints, Ints64
+from fenics_contact.types import Bools, Floats, Ints, Ints64
 
 AXES = "xyz"
 SPANS = 1e-9  # of the most that supports hold: less is rounding
@@ -51,6 +51,10 @@ class Holds:
     def reliant(self) -> list[int]:
         """Numbers of the bodies that supports alone do not hold along all axes."""
         return [i for i, axes in enumerate(self._supported) if len(axes) < len(AXES)]
+
+    def free(self, body: int) -> Bools:
+        """Along which axes (3,) supports alone do not hold a body of this number."""
+        return np.array([axis not in self._supported[body] for axis in AXES])
 
     def contacts_of(self, body: int) -> list[ContactTerm]:
         """Contacts of a body of this number."""
