@@ -18,8 +18,8 @@ from fenics_contact.options import Output
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.files import prepare_folder, results_in, writing
-from fenics_contact.scene.fingerprint import Statement, first_difference
 from fenics_contact.scene.start import Drives, LeftTool, Start
+from fenics_contact.scene.stated import Statement, first_difference
 from fenics_contact.solvers.continuation import Path as Continuation
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict

@@ -52,6 +52,7 @@ from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Stage
 from fenics_contact.scene.start import Start, drives_left
+from fenics_contact.scene.stated import parts_of
 from fenics_contact.solvers.augmented import ASTRAY, misfits
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
@@ -116,7 +117,8 @@ def solve(
     built = build(scene, stated, timers, numerics.stabilise, numerics.damping, begun)
     system = built.system
     plans = plans_of(scene, built, stated, schedules, numerics)
-    told, left = partial(statement, scene, built, stated, extra), partial(drives_left, system, built.driven, scene)
+    told = partial(statement, scene, built, stated, extra)
+    left = partial(drives_left, system, built.driven, scene, parts_of(scene, system))
     refuse_unlike(system.comm, told([1.0] * len(stated)))
     steppers = [(plan.path, plan.softened) for plan in plans]
     keeper = Keeper(output, system, steppers, told, left) if output.checkpoint else None
@@ -178,9 +180,10 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest + system.scales.noise_energy
     missing = abs(summary["energy"].get(f"error_{energy_unit(scene.units)}", 0.0))
     if verdict.converged and missing > unknown:  # a body that moves without strain has no other work
-        turned = widest_turn(kept.history, scene.units, list(travel))
+        turned = widest_turn(kept.history, scene.units, dict(zip(travel, built.beginning.angles, strict=True)))
         has = ["damping"] * system.damped + ["penetration"] * (len(system.augmented) == len(system.contacts))
-        kept.remark(energy_notes(summary["energy"], taken, scene.units, built.overlaps, turned, has))
+        has += ["jump"] * built.beginning.jumps
+        kept.remark(energy_notes(summary["energy"], taken, scene.units, built.beginning.overlaps, turned, has))
     verdict.order()
     return summary
 

@@ -108,7 +108,7 @@ ONLY = {
     ("output", "kernels"): {"pixels", "rigid_profiles", "rigid_shapes", "status"},
     ("output", "solid"): {"body", "virtual_power"},
     ("assembly", "kernels"): {"block_products", "law", "scatter", "sets"},
-    ("restart", "scene"): {"fingerprint", "start"},
+    ("restart", "scene"): {"start", "stated"},
     ("run", "contact"): {"tools"},  # the keys of move and push
     ("recording", "contact"): {"images", "overlap"},  # what bodies do that no contact holds
     ("options", "contact"): {"tools"},

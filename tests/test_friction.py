@@ -24,8 +24,9 @@ from fenics_contact import (
 from fenics_contact.contact.findings import told_apart
 from fenics_contact.meshes import box
 from fenics_contact.scene.build import build
-from fenics_contact.scene.fingerprint import first_difference, statement
+from fenics_contact.scene.fingerprint import statement
 from fenics_contact.scene.stage import Only
+from fenics_contact.scene.stated import first_difference
 from fenics_contact.solvers.control import run
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton

@@ -29,6 +29,7 @@ from fenics_contact import (
     Travel,
     neo_hooke,
     read_gmsh,
+    rigid_cylinder,
     rigid_hub,
     rigid_plane,
     rigid_sphere,
@@ -36,6 +37,7 @@ from fenics_contact import (
 )
 from fenics_contact.assembly.pose import rotation
 from fenics_contact.meshes import box, rectangles
+from fenics_contact.output.history import widest_turn
 from fenics_contact.restart import last_state
 from fenics_contact.scene.start import drives_left
 
@@ -819,6 +821,64 @@ def test_loads_of_another_run_stay_or_go_to_what_is_stated_anew(folder):
     direct = solve(scene(0.03, -0.3), steps=2, **TIGHT).require()
     np.testing.assert_allclose(force(other)[-1], force(direct)[-1], rtol=1e-9)
     assert 0.3 < (force(other)[0] - force(first)[-1]) / (force(other)[-1] - force(first)[-1]) < 0.7
+
+
+def sheared(lid=True, held=True, friction=0.4, stiffness=3.0):
+    """A block that a rough lid has pressed and sheared, its sides on springs: scene and lid."""
+    mesh = read_gmsh(rectangles.build, rectangles={"b": ((0.0, 0.0), (3.0, 2.0), (6, 4))})
+    scene = Scene(Body(mesh, "b", LAW), plane="strain")
+    scene.fix("b_ymin")
+    if held:
+        scene.fix("b_xmin", "x")
+    if stiffness:
+        scene.spring("b_xmax", stiffness, direction=(1, 0, 0))
+    tool = rigid_plane((0, 2, 0), normal=(0, -1, 0), name="lid" if lid else "other")
+    scene.contact("b_ymax", tool, friction, name="top" if lid else "new")
+    return scene, tool
+
+
+DIFFERENT = [
+    ({"held": False}, "support of b_xmin along x is not stated"),
+    ({"lid": False}, "tool 'lid' is not stated; contact 'top' is not stated"),
+    ({"friction": 0.0}, "contact 'top', friction is 0.0 and was 0.4"),
+    ({"stiffness": 9.0}, "spring 1 on b_xmax is 9.0 and was 3.0"),
+    ({"stiffness": 0.0}, "spring 1 on b_xmax is not stated"),
+]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("steps", [2, 8])
+@pytest.mark.parametrize(("change", "words"), DIFFERENT, ids=[next(iter(change)) for change, _ in DIFFERENT])
+def test_what_another_scene_lets_go_at_once_is_named_and_no_steps_are_asked_for(change, words, steps):
+    scene, lid = sheared()
+    stages = [Stage("press", move={lid: (0, -0.3, 0)}, steps=2), Stage("shear", move={lid: (0.3, 0, 0)}, steps=3)]
+    first = solve(scene, stages=stages).require()
+    scene, lid = sheared(**change)
+    rest = [Stage("rest", move={lid: (0, -1e-6, 0)}, steps=steps)]
+    notes = solve(scene, stages=rest, start=first).require().verdict.notes
+    (jump,) = (note for note in notes if "out of balance in this scene" in note)
+    assert f"({words})" in jump, jump
+    assert not any("take more steps" in note for note in notes), notes
+    assert any("100% of that in step 1, which starts out of balance" in note for note in notes), notes
+    scene, lid = sheared()
+    same = solve(scene, stages=[Stage("rest", move={lid: (0, -1e-6, 0)}, steps=2)], start=first).require()
+    assert not any("out of balance" in note for note in same.verdict.notes), same.verdict.notes
+
+
+@pytest.mark.parallel
+def test_a_turn_taken_over_is_none_of_the_first_step():
+    """A rough roller has turned by a turn and more; then it is lifted."""
+    mesh = read_gmsh(rectangles.build, rectangles={"b": ((-2.0, -1.0), (4.0, 1.0), (8, 2))})
+    scene = Scene(Body(mesh, "b", LAW), plane="strain")
+    scene.fix("b_ymin")
+    roller = rigid_cylinder(1.5, (0, 1.5, 0), (0, 0, 1), name="roller")
+    scene.contact("b_ymax", roller, 0.3, name="c")
+    stages = [Stage("press", move={roller: (0, -0.3, 0)}, steps=3), Stage("spin", move={roller: Motion(rz=7.0)}, steps=4)]
+    first = solve(scene, stages=stages).require()
+    result = solve(scene, stages=[Stage("lift", move={roller: (0, 0.3, 0)}, steps=2)], start=first).require()
+    np.testing.assert_allclose(result.column("roller_angle_z_rad"), 7.0, rtol=1e-12)
+    assert 0.5 < widest_turn(first.history, scene.units, {"roller": np.zeros(3)}) < 2.0
+    assert widest_turn(result.history, scene.units, {"roller": np.array([0.0, 0.0, 7.0])}) == 0.0
 
 
 @pytest.mark.parallel

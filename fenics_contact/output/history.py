@@ -17,6 +17,7 @@ from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.energies import Energies
 from fenics_contact.output.files import complete
 from fenics_contact.output.names import energy_unit, plain_name
+from fenics_contact.types import Floats
 from fenics_contact.units import Units
 
 UNSEEN = 5e-5  # of the work done: less is 0.00%
@@ -179,13 +180,14 @@ def greatest_travels(history: Sequence[HistoryRow], tools: Sequence[str], units:
     }
 
 
-def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Sequence[str]) -> float:
+def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Mapping[str, Floats]) -> float:
     """The most by which a tool turns in a step [rad], where more than MOST of what is not accounted for was left in steps
-    that turn one by more than WIDE; else 0."""
+    that turn one by more than WIDE; else 0. tools: by name the angles (3,) with which each begins [rad]."""
     left = np.abs(np.diff([0.0, *(row[f"energy_error_{energy_unit(units)}"] for row in rows)]))
     names = [[f"{plain_name(tool)}_angle_{axis}_rad" for axis in "xyz"] for tool in tools]
     angles = np.array([[[row.get(name, 0.0) for name in of] for of in names] for row in rows]).reshape(len(rows), -1, 3)
-    turns = np.linalg.norm(np.diff(angles, axis=0, prepend=0.0), axis=2).max(axis=1, initial=0.0)
+    first = np.array([tools[tool] for tool in tools], dtype=float).reshape(1, -1, 3)
+    turns = np.linalg.norm(np.diff(angles, axis=0, prepend=first), axis=2).max(axis=1, initial=0.0)
     return float(turns.max(initial=0.0)) if left[turns > WIDE].sum() > MOST * left.sum() else 0.0
 
 
@@ -200,13 +202,15 @@ def energy_notes(
     """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
 
     overlaps: names of the contacts that overlap at the start, whose energy the first step lets go; turned: see
-    `widest_turn` [rad]; has: which of the remedies "damping" and "penetration" the run has, which are not named then.
+    `widest_turn` [rad]; has: which of the remedies "damping" and "penetration" the run has, which are not named then, and
+    "jump" where its start is out of balance.
 
     Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
     1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere.
     """
     share, unit = summary.get("error_share", 0.0), energy_unit(units)
-    if share <= max(COSTLY, min(1.0 / steps**2, GROSS)):
+    jumps = "jump" in has and summary.get("worst_step") == 1
+    if share <= max(COSTLY, 0.0 if jumps else min(1.0 / steps**2, GROSS)):
         return []
     missing, done = (f"{abs(summary[f'{name}_{unit}']):.4g}" for name in ("error", "work_done"))
     text = f"energy: {missing} {units.force} {units.length} of the work done, {done}, are missing ({share:.1%})"
@@ -216,6 +220,8 @@ def energy_notes(
             f"{text}, {summary['worst_step_share']:.0%} of that in step 1, which presses apart what overlaps at the start "
             f"({which}): the energy of that is no work; start without overlap"
         ]
+    if jumps:
+        return [f"{text}, {summary['worst_step_share']:.0%} of that in step 1, which starts out of balance"]
     where = f"{summary['worst_step_share']:.0%} of that in step {summary['worst_step']} to t = {summary['worst_step_t']:.6g}"
     parts = {name: part / summary[f"error_{unit}"] for name, part in summary[f"normal_work_error_{unit}"].items()}
     most = max(parts, key=lambda name: parts[name], default="")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import ufl
@@ -59,7 +59,7 @@ from fenics_contact.scene.gaps import refuse_gaps, refuse_jumps
 from fenics_contact.scene.loads import loads_of
 from fenics_contact.scene.pairs import ways_of
 from fenics_contact.scene.stage import Only, Stage
-from fenics_contact.scene.start import Start, begin
+from fenics_contact.scene.start import Start, begin, let_go
 from fenics_contact.scene.statements import ContactStatement, Entering, Load, called
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import solid_term
@@ -78,10 +78,19 @@ HARDER = 3.0  # times Young's modulus of the master: slaves as stiff as that, or
 ROUNDED = 1e-12  # of a fluid's largest pressure: a function of nodes' places is rounded as these are
 
 
+class Beginning(NamedTuple):
+    """How a run begins: overlaps: names of the contacts that overlap at rest; jumps: whether it starts from another run's
+    state, out of balance; angles (tools, 3): of the tools [radians]."""
+
+    overlaps: list[str]
+    jumps: bool
+    angles: Floats
+
+
 @dataclass(frozen=True)
 class Built:
     """A System, what is to be said of its start, terms of its loads alone, fluids too; all loads by name as functions of t,
-    and the size of the displacement to begin with; overlaps: names of the contacts that overlap at the start; harder: of
+    the size of the displacement to begin with, and how it begins else; harder: of
     those whose slave is HARDER times as stiff as the body that is its master, or more."""
 
     system: System
@@ -89,7 +98,7 @@ class Built:
     loads: list[FormTerm]
     driven: list[tuple[str, Path]]
     start: list[float]
-    overlaps: list[str]
+    beginning: Beginning
     harder: list[str]
 
 
@@ -147,12 +156,12 @@ def build(
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
     system = System(state, (solid, *others), holds, (motion, set_loads), check, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
-    notes, overlaps = _start(scene, system, stated, driven, start, [load for load in followed if isinstance(load, Load)])
+    notes, beginning = _start(scene, system, stated, driven, start, [load for load in followed if isinstance(load, Load)])
     refuse_hindered(state)
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
     of_loads = [*dead, *follower, *fluids, *fields.terms]
-    return Built(system, notes, of_loads, driven, [_size(system)], [] if start else overlaps, _harder(scene, modulus))
+    return Built(system, notes, of_loads, driven, [_size(system)], beginning, _harder(scene, modulus))
 
 
 def _start(
@@ -162,17 +171,18 @@ def _start(
     driven: list[tuple[str, Path]],
     start: Start | None,
     loads: Sequence[Load],
-) -> tuple[list[str], list[str]]:
+) -> tuple[list[str], Beginning]:
     """Check how a run begins, and each of its stages; start: another run's state to take up; loads: but fluids that contact
-    keeps out. Returns what is to be said, and the contacts that overlap. Collective."""
+    keeps out. Returns what is to be said, and the Beginning. Collective."""
     refuse_behind(system)
     refuse_held(scene, system)
     deep, overlaps = refuse_deep_start(scene, system)
-    notes = doubts(scene, system, stated, loads) + deep
+    notes, jump = doubts(scene, system, stated, loads) + deep, None
     if start:
-        notes += begin(system, driven, start, scene)
+        notes, overlaps = notes + begin(system, driven, start, scene), []
+        jump = let_go(system, start, scene)
     refuse_gaps(system, stated, driven, start is not None)
-    return notes, overlaps
+    return notes + ([jump] if jump else []), Beginning(overlaps, bool(jump), system.state.angles.copy())
 
 
 def _round_the_axis(scene: "Scene") -> list[tuple[Ints, Floats]]:

@@ -1,6 +1,6 @@
 """What a scene and its drive state, as plain values by name: a state means the same only where all of them are the same."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,15 +12,10 @@ from fenics_contact.scene.build import Built
 from fenics_contact.scene.functions import row_of, sample
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Stage
-from fenics_contact.scene.statements import Entering, Spin
-from fenics_contact.solid.materials import sampled_energy
+from fenics_contact.scene.stated import Statement, first_difference, parts_of, plain
 from fenics_contact.values import SceneError, is_number, shown
 
 TIMES = (0.0, 0.3, 0.5, 0.7, 1.0)  # shares at which a stage is sampled, and as many between 1 and the largest reached
-SAME = 1e-9  # of the largest value of its name: nodes moved between ranks are rounded by 1e-16
-LISTED = 16  # a longer array, e.g. a tool's mesh, is known by sums
-
-Statement = dict[str, Any]  # texts, numbers or lists of these
 
 
 def statement(
@@ -42,34 +37,11 @@ def statement(
         "supported unknowns": comm.allreduce(len(system.supports.owned)),
         "start": built.start,
     }
-    for body in scene.bodies:
-        out[f"material of '{body.group}'"] = body.material.name
-        out[f"energy of '{body.group}'"] = sampled_energy(body.material)
     for i, (stage, largest) in enumerate(zip(stated, reached, strict=False)):
         with system.stages.foreseen(i):
             driven = {"method": stage.method, "duration": float(stage.duration)} | _driven(built, largest)
         out |= {stage.says(name): value for name, value in driven.items()} | {f"stage {i + 1}": stage.name}
-    out["ties"] = [f"{'+'.join(tie.group)} to '{tie.hub.name}'" for tie in scene.ties]
-    for pair in scene.pairs:
-        out[pair.what] = [*(pair.axis if pair.axis is not None else ()), *(pair.point if pair.point is not None else ())]
-    for i, support in enumerate(scene.supports):
-        if support.axis is None:
-            out[f"direction of support {i + 1}"] = list(support.direction)
-    for spin in (load for load in scene.loads if isinstance(load, Spin)):
-        out["spin"] = [*spin.axis, *spin.point, *spin.density.values()]
-    for i, spring in enumerate(scene.springs):
-        out[f"spring {i + 1} on {'+'.join(spring.group)}"] = [spring.stiffness, *(spring.direction or ())]
-    for i, fluid in enumerate(load for load in scene.loads if isinstance(load, Entering)):
-        out[f"source of fluid {i + 1}"] = plain(fluid.source or ("all",))
-    for tool, point in zip(scene.tools, system.tools.points, strict=True):
-        out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
-        out[f"reference point of '{tool.name}'"] = plain(point)
-    for one, term in zip(scene.contacts, system.contacts, strict=True):
-        parts = vars(one) | {f"penalty {key}": value for key, value in vars(one.penalty).items()}
-        del parts["penalty"]
-        parts |= {"master": term.master_name, "slave points": comm.allreduce(term.surface.count)}
-        out |= {f"contact '{one.name}', {key}": plain(value) for key, value in parts.items()}
-    return out
+    return out | parts_of(scene, system)
 
 
 def stages_told(stated: Sequence[Stage]) -> Statement:
@@ -110,38 +82,3 @@ def refuse_unlike(comm: MPI.Comm, here: Statement) -> None:
                 f"{name} is {first} on rank 0 and {mine} on rank {comm.rank}: all ranks must state the same scene; take no "
                 "number from the part of the mesh that a rank holds"
             )
-
-
-def first_difference(there: Statement, here: Statement) -> tuple[str, Any, Any] | None:
-    """(name, value there, value here) of the first that differ, or None; of lists, the first numbers that do."""
-    for name in [*here, *there]:
-        if name not in there or name not in here:
-            return name, there.get(name, "nothing"), here.get(name, "nothing")
-        one, other = there[name], here[name]
-        if not isinstance(one, list) or not isinstance(other, list) or len(one) != len(other):
-            one, other = [one], [other]
-        for a, b in _pairs(one, other):
-            return name, a, b
-    return None
-
-
-def _pairs(one: list[Any], other: list[Any]) -> Iterator[tuple[Any, Any]]:
-    """Pairs of entries that are not the same."""
-    sizes = [abs(value) for value in [*one, *other] if isinstance(value, float)]
-    for a, b in zip(one, other, strict=True):
-        close = isinstance(a, int | float) and isinstance(b, int | float) and abs(a - b) <= SAME * max(sizes, default=0.0)
-        if a != b and not close:
-            yield a, b
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON gives it back: arrays as flat lists of floats."""
-    if isinstance(value, np.ndarray):
-        flat = value.astype(float).ravel()
-        if len(flat) > LISTED:
-            weights = np.cos(np.arange(len(flat)))
-            return [float(len(flat)), float(np.abs(flat).sum()), float(weights @ flat)]
-        return flat.tolist()
-    if isinstance(value, tuple):
-        return [entry for part in map(plain, value) for entry in (part if isinstance(part, list) else [part])]
-    return value

@@ -12,6 +12,7 @@ from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.system import System
 from fenics_contact.scene.courses import Course
 from fenics_contact.scene.functions import Path
+from fenics_contact.scene.stated import Statement, parts_of, unlike
 from fenics_contact.scene.statements import LOADS
 from fenics_contact.types import Bools, Floats
 from fenics_contact.values import SceneError
@@ -21,6 +22,7 @@ if TYPE_CHECKING:  # which is built from it
 
 Driven = Sequence[tuple[str, Path]]  # loads by name, as functions of t
 Drives = dict[str, dict[str, Any]]  # plain values: JSON takes them
+JUMP = 1e-3  # of the largest force: what is out of balance where a run starts from another one's end
 STILL = 1e-9  # of the bodies' size: what may lie between a tied surface and where its rigid body has carried it
 
 
@@ -52,16 +54,17 @@ class Start:
         return {name: LeftTool(*map(np.array, one)) for name, one in self.drives["tools"].items()}
 
 
-def drives_left(system: System, driven: Driven, scene: "Scene") -> Drives:
+def drives_left(system: System, driven: Driven, scene: "Scene", parts: Statement) -> Drives:
     """What holds a run's last state: {"loads": {name: [value, what the scene says of it]}, "supports": {name: what the scene
-    says}, "tools": {name: LeftTool as lists}, "space": what its displacements are of}. Collective."""
+    says}, "tools": {name: LeftTool as lists}, "space": what displacements are of, "parts": as `parts_of`}. Collective."""
     state, end, motion = system.state, system.ending(), system.tools
     loads = {what: [path.everywhere(state.t).tolist(), path.said()] for what, path in _courses(driven).items()}
     turns = [pose.turn for pose in state.tools]
     said = [np.any(point != tool.point) for point, tool in zip(motion.points, scene.tools, strict=True)]
     ends = zip(motion.names, end.q, end.forces, motion.points, turns, motion.free, said, strict=True)
     tools = {name: [part.tolist() for part in one] for name, *one in ends}
-    return {"loads": loads, "supports": system.supports.entries.said(), "tools": tools, "space": _space(scene)}
+    supports = system.supports.entries.said()
+    return {"loads": loads, "supports": supports, "tools": tools, "space": _space(scene), "parts": parts}
 
 
 def _space(scene: "Scene") -> dict[str, Any]:
@@ -134,6 +137,22 @@ def _left_out(system: System, driven: Driven, start: Start) -> list[str]:
                 f"{what}, with which {start.name} ends, is not stated and gone at once: state it, to let it go in steps"
             )
     return notes
+
+
+def let_go(system: System, start: Start, scene: "Scene") -> str | None:
+    """What is to be said where another run's last state, taken up, is out of balance by more than JUMP. Collective."""
+    system.begin_step(0.0)
+    out, scale = system.assemble_residual(), system.scales.balance
+    if not out > JUMP * scale:
+        return None
+    held = [f"support of {name}" for name in start.drives["supports"] if name not in system.supports.entries.said()]
+    causes = [f"{name} is not stated" for name in held] + unlike(start.drives.get("parts", {}), parts_of(scene, system))
+    why = f" ({'; '.join(causes)})" if causes else ""
+    return (
+        f"{start.name} ends out of balance in this scene, by {out / scale:.0%} of the largest force, for its scene did not "
+        f"state the same{why}: the first step lets that go at once, and no number of steps makes a path of it; state it as "
+        "it was, and let it go in a stage"
+    )
 
 
 def _tools(system: System, there: dict[str, LeftTool]) -> tuple[Floats, Floats]:
