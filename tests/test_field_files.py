@@ -9,7 +9,19 @@ from scipy.spatial import cKDTree
 from test_elements import draw_tetrahedra
 from vtu_files import read_pvd, read_vtu
 
-from fenics_contact import Body, Scene, Units, compat, neo_hooke, read_gmsh, rigid_hub, rigid_plane, rigid_sphere, solve
+from fenics_contact import (
+    Body,
+    Scene,
+    Stage,
+    Units,
+    compat,
+    neo_hooke,
+    read_gmsh,
+    rigid_hub,
+    rigid_plane,
+    rigid_sphere,
+    solve,
+)
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.meshes import box, two_blocks
 from fenics_contact.output.fields import Fields, surfaces_of
@@ -243,7 +255,43 @@ def test_a_run_writes_its_fields(folder, kind, degree, element):
     top = np.abs(grid["Points"]["Points"][:, 2] - 1.0) < ROUND
     assert not np.isnan(pressure[top]).any() and np.isnan(pressure[~top]).all() and np.nanmax(pressure) > 0.0
     for values, of_nodes in ((pressure, ball.pressure), (status, ball.status), (gap, ball.gap)):
-        np.testing.assert_array_equal(values[nodes[corner & ball.on]], of_nodes[corner & ball.on])
+        np.testing.assert_array_equal(values[nodes[ball.on]], of_nodes[ball.on])
+    assert ball.on[corner & top[nodes]].all()
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(
+    ("kind", "degree", "points"), [("hexahedra", 1, 3), ("hexahedra", 2, 3), ("hexahedra", 2, "nodes"), ("tetrahedra", 2, 3)]
+)
+def test_a_ball_that_is_dragged_slips_wherever_it_presses(folder, kind, degree, points):
+    """Nodes have the status of the points that press around them, those between corners too, and the file the peak."""
+    draw = {"size": (4.0, 4.0, 2.0), "cells": (5, 5, 2), "origin": (-2.0, -2.0, -1.0), "name": "box"}
+    mesh = read_gmsh(box.build, COMM, **draw) if kind == "hexahedra" else read_gmsh(draw_tetrahedra, COMM, size=0.35)
+    scene = Scene(Body(mesh, "box", neo_hooke(0.5, 2.0)), degree=degree)
+    scene.fix("zmin")
+    middle = (0.0, 0.0, 1.0) if kind == "hexahedra" else (0.5, 0.5, 1.0)
+    radius = 2.0 if kind == "hexahedra" else 0.5
+    ball = rigid_sphere(radius, (*middle[:2], middle[2] + radius), name="ball")
+    scene.contact("zmax", ball, 0.2, name="c", points=points)
+    stages = [
+        Stage("down", move={ball: (0, 0, -0.15 * radius)}, steps=2),
+        Stage("drag", move={ball: (0.25 * radius, 0, 0)}, steps=3),
+    ]
+    result = solve(scene, stages=stages, out=folder / "drag").require()
+    last = result.history[-1]
+    assert last["c_sticking_points"] == 0 < last["c_active_points"]
+    COMM.Barrier()
+    data = read_vtu(read_pvd(folder / "drag" / "results.pvd")[-1][1])["PointData"]
+    status, pressure = data["contact_status"], data["contact_pressure_MPa"]
+    on = ~np.isnan(status)
+    assert set(status[on]) == {0.0, 3.0}
+    assert (status[on & (pressure > 0.0)] == 3.0).all() and (pressure[on & (status == 0.0)] <= 0.0).all()
+    assert np.nanmax(pressure) == pytest.approx(last["c_peak_pressure_MPa"], rel=1e-12)
+    drawn = result.drawing("status")
+    if drawn is not None:
+        assert set(np.unique(drawn.body.values[np.isfinite(drawn.body.values)])) == {0.0, 3.0}
+        values = result.drawing().body.values if COMM.size == 1 else None
+        assert values is None or np.nanmax(values) == pytest.approx(last["c_peak_pressure_MPa"], rel=1e-12)
 
 
 @pytest.mark.parallel

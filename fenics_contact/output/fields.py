@@ -76,20 +76,20 @@ class CellValues:
 
 
 class ContactFields:
-    """Functions of degree 1 of one contact, or of all; NaN at nodes that are no slaves.
+    """Functions of one contact, or of all, at the nodes of the displacement; NaN at those that are no slaves.
 
     pressure, friction [pressure, on the current area], gap, slip [length], status (0 open, 1 closed, 2 stick, 3 slip).
     """
 
     def __init__(self, system: System, name: str, units: Units) -> None:
         mesh = system.space.mesh
-        flat, vector = compat.lagrange_space(mesh, 1), compat.lagrange_space(mesh, 1, (3,))
+        flat, vector = (compat.lagrange_space(mesh, compat.degree(system.space), shape) for shape in ((), (3,)))
         self.pressure = compat.Function(flat, name=f"{name}contact_pressure_{units.pressure}")
         self.friction = compat.Function(vector, name=f"{name}friction_traction_{units.pressure}")
         self.gap = compat.Function(flat, name=f"{name}gap_{units.length}")
         self.slip = compat.Function(flat, name=f"{name}slip_{units.length}")
         self.status = compat.Function(flat, name=f"{name}contact_status")
-        self._corners = _corners(flat, system.space)
+        self._nodes = _nodes(flat, system.space)
 
     @property
     def all(self) -> list[Function]:
@@ -100,22 +100,19 @@ class ContactFields:
         status = at.status.astype(float)
         for function, values in zip(self.all, (at.pressure, at.friction, at.gap, at.slip, status), strict=True):
             on = at.on if values.ndim == 1 else at.on[:, None]
-            function.x.array[:] = np.where(on, values, np.nan)[self._corners].ravel()
+            function.x.array[:] = np.where(on, values, np.nan)[self._nodes].ravel()
 
 
-def _corners(flat: Space, space: Space) -> Ints64:
-    """The node of `space` at each local node of the space `flat`, of degree 1: those of a cell's corners come first.
-
-    Values are copied, not interpolated: a cell's corner on the slave surface has its other nodes, NaN, beside it.
-    """
-    corners, nodes = compat.cell_dofs(flat), compat.cell_dofs(space)
-    found = np.empty(corners.max(initial=-1) + 1, dtype=np.int64)
-    found[corners] = nodes[:, : corners.shape[1]]
+def _nodes(flat: Space, space: Space) -> Ints64:
+    """The node of `space` at each local node of the space `flat`, of the same degree."""
+    found = np.empty(compat.cell_dofs(flat).max(initial=-1) + 1, dtype=np.int64)
+    found[compat.cell_dofs(flat)] = compat.cell_dofs(space)
     return found
 
 
 class Fields:
-    """Functions of a scene's solution, units in their names, refreshed by `update`; of degree 1 or constant per cell.
+    """Functions of a scene's solution, units in their names, refreshed by `update`; of degree 1, contact fields of the
+    displacement's, or constant per cell.
 
     displacement [length]; cauchy_stress, J per cell [pressure, 1]; corner_stress [pressure], at nodes of several bodies the
     mean of theirs, which by_body has apart; the ContactFields of all contacts, where a node of two
@@ -171,7 +168,7 @@ class Fields:
         self._per_cell(self.cauchy_stress, self._cells.stress(owned))
         self._put_corner_stress()
         if self._surfaces:
-            found = [surface.at_state() for surface in self._surfaces]
+            found = [surface.whole(surface.at_state()) for surface in self._surfaces]
             self._contact.put(_joined(found))
             for fields, at in zip(self.each.values(), found, strict=False):
                 fields.put(at)

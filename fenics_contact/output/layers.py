@@ -36,7 +36,7 @@ def layers(body: Skin, glass: Sequence[Floats], view: View, tint: Colours, size:
     found = [
         Layer("solid", plain.x, _one_colour(_shaded(plain, view, tint))),
         Layer("solid", quarters(field.x), _corner_colours(field.values, tint)),
-        _lines(_edges(body.x)[0] + nearer, EDGES),
+        _lines(_edges(body.x, body.sides)[0] + nearer, EDGES),
     ]
     for tiles in glass:
         normal = normals(tiles)
@@ -77,15 +77,16 @@ def mean(values: Floats) -> Floats:
     return np.where(count > 0, np.where(there, values, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
-def _edges(tiles: Floats) -> tuple[Floats, Ints64, Array]:
-    """Edges of facets (n, 4, 3), each once: ends (m, 2, 3); of every side of a facet its edge (k,), and its facet (k,)."""
-    ends = np.stack([tiles, np.roll(tiles, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+def _edges(tiles: Floats, sides: Sequence[int] = range(4)) -> tuple[Floats, Ints64, Array]:
+    """Edges of facets (n, 4, 3), each once: ends (m, 2, 3); of every side of a facet its edge (k,), and its facet (k,).
+    sides: those that count, by their first corners."""
+    ends = np.stack([tiles, np.roll(tiles, -1, axis=1)], axis=2)[:, sides].reshape(-1, 2, 3)
     there = np.flatnonzero(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > 0.0)
     ends = ends[there]
     size = max(float(np.ptp(ends)) if len(ends) else 1.0, 1e-300)
     spot = np.round(ends.mean(axis=1) / size * 1e6 + 0.123).astype(np.int64)
     _, first, which = np.unique(spot, axis=0, return_index=True, return_inverse=True)
-    return ends[first], which.ravel().astype(np.int64), there // 4
+    return ends[first], which.ravel().astype(np.int64), there // len(sides)
 
 
 def _sharp_edges(tiles: Floats) -> Floats:

@@ -186,7 +186,7 @@ def _paint_slice(axes: Any, drawing: Drawing, tint: Colours, size: float) -> Non
         tiles, values = quarters(tiles), quarters(values)
     face = tint.of(mean(values))
     axes.add_collection(collections.PolyCollection(tiles, facecolors=face, edgecolors=face, linewidths=0.2))
-    around = np.concatenate([whole, whole[:, :1]], axis=1)
+    around = whole[:, [3, 0, 1] if side.cut else [3, 0, 1, 2, 3]]
     axes.add_collection(collections.LineCollection(around, colors=(0, 0, 0, 0.22), linewidths=0.25))
     for tiles in drawing.tools:
         ends, normal = _section(tiles, drawing)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import basix
 import numpy as np
 
 from fenics_contact import compat
@@ -14,7 +15,7 @@ from fenics_contact.output.names import plain_name
 from fenics_contact.output.tool_surfaces import tool_surface
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.symmetry import planes_of
-from fenics_contact.types import Array, Bools, Floats, Function, Ints, Ints64, Mesh
+from fenics_contact.types import Array, Bools, Floats, Function, Ints, Ints64
 from fenics_contact.values import SceneError
 
 AXES = "xyz"
@@ -31,17 +32,20 @@ FLAT = 1e-6  # of the bodies' size: what counts as no distance and no displaceme
 Part = int | Callable[[Floats], Floats]  # of a Function's values at a node: a component, or what is made of all (n, width)
 
 
+Values = Callable[[Ints, Ints], Floats]
+
+
 @dataclass(frozen=True)
 class Look:
     """A field to draw.
 
-    label: with its unit; values: function of the cells behind n facets and the facets' number in their cells -> values
-    (n, 4) at the facets' corners; on_contact: it lives on slave surfaces, of the contact named, or of all; kind: "amount",
+    label: with its unit; values: function of n cells and the numbers (k,) of nodes in them, of the displacement's degree ->
+    values (n, k) there; on_contact: it lives on slave surfaces, of the contact named, or of all; kind: "amount",
     "signed" (zero in the middle of the colours) or "status".
     """
 
     label: str
-    values: Callable[[Ints, int], Floats]
+    values: "Values"
     on_contact: bool = False
     kind: str = "amount"
     contact: str = ""
@@ -49,10 +53,11 @@ class Look:
 
 @dataclass(frozen=True)
 class Skin:
-    """Boundary facets, on rank 0: corners X, x (n, 4, 3) before and after the deformation [length], a triangle repeating its
-    last; values (n, 4) of the field there, NaN where there is none; slave (n,); body (n,): number of the facet's body.
+    """Boundary facets, or the parts of those of degree 2, on rank 0: corners X, x (n, 4, 3) before and after the deformation
+    [length], a triangle repeating its last; values (n, 4) of the field there, NaN where there is none; slave (n,); body
+    (n,): number of the facet's body.
 
-    Corners run counter-clockwise seen from outside.
+    Corners run counter-clockwise seen from outside. A part is cut out of its facet at its second and fourth corner.
     """
 
     X: Floats
@@ -60,25 +65,31 @@ class Skin:
     values: Floats
     slave: Bools
     body: Ints64
+    cut: bool = False
 
     def part(self, chosen: Array) -> "Skin":
         """Some of the facets: chosen (n,) are flags or numbers."""
-        return Skin(*(getattr(self, name)[chosen] for name in ("X", "x", "values", "slave", "body")))
+        return replace(self, **{name: getattr(self, name)[chosen] for name in ("X", "x", "values", "slave", "body")})
+
+    @property
+    def sides(self) -> list[int]:
+        """Of the tiles' sides those that are sides of facets, by their first corners."""
+        return [0, 3] if self.cut else [0, 1, 2, 3]
 
 
 def look(fields: Fields, name: str) -> Look:
     """The field of a name; SceneError lists the names."""
-    units, mesh = fields.scene.units, fields.scene.mesh.domain
+    units = fields.scene.units
     word, _, axis = name.rpartition("_")
     if name == "displacement":
-        return Look(f"displacement [{units.length}]", _nodal(fields.displacement, _size))
+        return Look(f"displacement [{units.length}]", _nodal(fields.system.state.u, _size))
     section = fields.scene.section
     if word == "displacement" and axis in (AXES if section is None else AXES[:2]):
         return Look(
-            f"displacement along {axis} [{units.length}]", _nodal(fields.displacement, AXES.index(axis)), kind="signed"
+            f"displacement along {axis} [{units.length}]", _nodal(fields.system.state.u, AXES.index(axis)), kind="signed"
         )
     if name == "J":
-        return Look("volume ratio J", _per_cell(mesh, fields.J.x.array))
+        return Look("volume ratio J", _per_cell(fields.J.x.array))
     if name == "von_mises":
         return Look(f"von Mises stress [{units.pressure}]", _of_bodies(fields, _von_mises))
     if word == "stress" and len(axis) == 2 and (set(axis) <= set(AXES) if section is None else axis in IN_PLANE):
@@ -122,40 +133,56 @@ def _size(values: Floats) -> Floats:
     return np.linalg.norm(values, axis=1)
 
 
-def _nodal(function: Function, part: Part) -> Callable[[Ints, int], Floats]:
-    """Values of a Function of degree 1 at the corners of facets."""
+def _nodal(function: Function, part: Part) -> Values:
+    """Values of a Function of the displacement's degree."""
     space = function.function_space
     table = function.x.array.reshape(-1, max(1, space.dofmap.index_map_bs))
     values = part(table) if callable(part) else table[:, part]
-    return lambda cells, facet: values[compat.cell_dofs(space)[cells][:, _ring(space.mesh, space, facet)]]
+    return lambda cells, nodes: values[compat.cell_dofs(space)[cells][:, nodes]]
 
 
-def _per_cell(mesh: Mesh, values: Floats) -> Callable[[Ints, int], Floats]:
-    return lambda cells, facet: np.repeat(values[cells][:, None], 4, axis=1)
+def _per_cell(values: Floats) -> Values:
+    return lambda cells, nodes: np.repeat(values[cells][:, None], len(nodes), axis=1)
 
 
-def _of_bodies(fields: Fields, part: Callable[[Floats], Floats]) -> Callable[[Ints, int], Floats]:
-    """What `part` takes of stresses (n, 3, 3), at the corners of facets, each body's own, for they jump between bodies."""
+def _of_bodies(fields: Fields, part: Callable[[Floats], Floats]) -> Values:
+    """What `part` takes of stresses (n, 3, 3) at corners, each body's own, for they jump between bodies; between corners of
+    degree 2 what is linear."""
     scene, space = fields.scene, fields.corner_stress.function_space
     least = UNSTRESSED * min(body.material.shear_modulus for body in scene.bodies)
     values = np.zeros((len(scene.bodies), len(fields.corner_stress.x.array) // 9))
     for mine, (nodes, stress) in zip(values, fields.by_body, strict=True):
         mine[nodes] = part(np.where(np.abs(stress) > least, stress, 0.0))
-    body = bodies_of_cells(scene)[:, None]
-    return lambda cells, facet: values[
-        body[cells], compat.cell_dofs(space)[cells][:, _ring(scene.mesh.domain, space, facet)]
-    ]
+    body, corners = bodies_of_cells(scene)[:, None], compat.cell_dofs(space)
+    cell = compat.cell_name(scene.mesh.domain)
+    table = compat.tabulate(compat.basix_element(cell, 1), 0, compat.basix_element(cell, scene.degree).points)[0]
+    return lambda cells, nodes: values[body[cells], corners[cells]] @ table[nodes].T
 
 
-def _ring(mesh: Mesh, space: object, facet: int) -> Ints:
-    """Numbers in the cell of a facet's four corners, one after the other around it; a triangle repeats its last. Of a plane
-    cell those of its face, and of a side there and back."""
-    four = compat.cell_name(mesh) in ("hexahedron", "quadrilateral")
-    if facet == FACE:
-        return np.array([0, 1, 3, 2] if four else [0, 1, 2, 2], dtype=np.int32)
-    if mesh.topology.dim == 2:
-        return compat.facet_closure_dofs(space, facet)[[0, 1, 1, 0]]
-    return compat.facet_closure_dofs(space, facet)[[0, 1, 3, 2] if four else [0, 1, 2, 2]]
+def _tiles(cell: str, degree: int, facet: int) -> tuple[Ints, Floats]:
+    """Numbers (k,) in the cell of a facet's nodes, and the weights (tiles, 4, k) of these in the corners of its tiles, one
+    after the other around each: of degree 1 the facet itself, of degree 2 a part around each of its corners.
+
+    A triangle repeats its last corner; of a plane cell the facet is its face, and of a side there and back.
+    """
+    kind = getattr(basix.CellType, cell)
+    dim, element = len(basix.topology(kind)) - 1, compat.basix_element(cell, degree)
+    corners, side = basix.geometry(kind), dim - 1
+    nodes = np.arange(len(element.points)) if facet == FACE else np.array(element.entity_closure_dofs[side][facet])
+    ring = corners if facet == FACE else corners[basix.topology(kind)[side][facet]]
+    ring = ring[[0, 1, 3, 2]] if len(ring) == 4 else ring
+    middles = 0.5 * (ring + np.roll(ring, -1, axis=0))
+    if len(ring) == 2:
+        at = ring[None, [0, 1, 1, 0]] if degree == 1 else np.stack([[a, middles[0], middles[0], a] for a in ring])
+        at[1:] = at[1:, [0, 3, 2, 1]]
+    elif degree == 1:
+        at = ring[None, [0, 1, 2, len(ring) - 1]]
+    else:
+        centre = np.broadcast_to(ring.mean(axis=0), ring.shape)
+        at = np.stack([ring, middles, centre, np.roll(middles, 1, axis=0)], axis=1)
+    table = compat.tabulate(element, 0, at.reshape(-1, dim))[0]
+    table = np.where(np.abs(table - np.rint(table)) < FLAT, np.rint(table), table)  # at a node its own value, not rounded
+    return nodes.astype(np.int32), table[:, nodes].reshape(len(at), 4, len(nodes))
 
 
 def _von_mises(stress: Floats) -> Floats:
@@ -166,37 +193,42 @@ def _von_mises(stress: Floats) -> Floats:
 
 def skin(fields: Fields, chosen: Look) -> Skin | None:
     """The boundary of all bodies on rank 0, in an order that no partition changes; None on the others. Collective."""
-    scene, u = fields.scene, fields.displacement
-    mesh, space = scene.mesh.domain, u.function_space
-    X = space.tabulate_dof_coordinates()
-    x = X + u.x.array.reshape(-1, 3)
+    scene, space = fields.scene, fields.system.space
+    mesh, X = scene.mesh.domain, space.tabulate_dof_coordinates()
+    x = X + fields.system.state.u.x.array.reshape(-1, 3)
+    cell, plane = compat.cell_name(mesh), mesh.topology.dim == 2
     shown = [contact for contact in scene.contacts if chosen.contact in ("", contact.name)]
     slaves = sorted({name for contact in shown for name in contact.slave})
     touching = _keys(*compat.cells_of_exterior_facets(mesh, scene.mesh.facets(*slaves))) if slaves else np.empty(0)
     cells, local = compat.cells_of_exterior_facets(mesh)
     body, number = bodies_of_cells(scene), compat.original_cells(mesh).astype(np.int64)
-    behind = np.zeros((4, 3))
-    behind[[2, 3], 2] = -LAYER * bodies_size(space)  # a plane mesh is drawn as the face of a thin layer
-    parts, plane = [], mesh.topology.dim == 2
-    for facet in [*([FACE] if plane else []), *range(compat.FACETS[compat.cell_name(mesh)])]:
+    behind = np.array([0.0, 0.0, -LAYER * bodies_size(space)])  # a plane mesh is drawn as the face of a thin layer
+    parts = []
+    for facet in [*([FACE] if plane else []), *range(compat.FACETS[cell])]:
         mine = cells[local == facet] if facet != FACE else np.arange(compat.cell_map(mesh).size_local, dtype=np.int32)
-        of_cell = compat.cell_dofs(space)[mine]
-        nodes = of_cell[:, _ring(mesh, space, facet)]
+        of_cell, (nodes, weights) = compat.cell_dofs(space)[mine], _tiles(cell, scene.degree, facet)
         slave = np.isin(_keys(mine, facet), touching)
-        values = chosen.values(mine, facet)
+        values = chosen.values(mine, nodes)
         values = np.where(slave[:, None], values, np.nan) if chosen.on_contact else values
-        at, now = X[nodes], x[nodes]
+        nearest = np.eye(len(nodes))[weights.argmax(axis=2)] if chosen.kind == "status" else weights
+        at, now = (np.einsum("rjk,nkc->nrjc", weights, place[of_cell[:, nodes]]) for place in (X, x))
+        values = np.einsum("rjk,nk->nrj", nearest, values)
         if plane and facet != FACE:
-            at, now = at + behind, now + behind
-        inside_out = _inside_out(at, X[of_cell].mean(axis=1) + behind.mean(axis=0) * plane)
+            back = [[2, 3], [1, 2]][: len(weights)]
+            for tile, corners in enumerate(back):
+                at[:, tile, corners] += behind
+                now[:, tile, corners] += behind
+        middle = X[of_cell].mean(axis=1)[:, None] + 0.5 * behind * plane
+        inside_out = _inside_out(at, middle)
         for corners in (at, now, values):
-            corners[inside_out] = corners[inside_out, ::-1]
-        parts.append((at, now, values, slave, body[mine], _keys(number[mine], facet)))
+            corners[inside_out] = _turned(corners[inside_out])
+        each = (np.repeat(of, len(weights)) for of in (slave, body[mine], _keys(number[mine], facet)))
+        parts.append((*(part.reshape(-1, *part.shape[2:]) for part in (at, now, values)), *each))
     gathered = mesh.comm.gather([np.concatenate(column) for column in zip(*parts, strict=True)])
     if gathered is None:
         return None
-    *columns, keys = (np.concatenate(column) for column in zip(*gathered, strict=True))
-    return Skin(*columns).part(np.argsort(keys, kind="stable"))
+    at, now, values, slave, bodies, keys = (np.concatenate(column) for column in zip(*gathered, strict=True))
+    return Skin(at, now, values, slave, bodies, scene.degree == 2).part(np.argsort(keys, kind="stable"))
 
 
 def _keys(cells: Array, local: Array | int) -> Ints64:
@@ -204,13 +236,19 @@ def _keys(cells: Array, local: Array | int) -> Ints64:
 
 
 def _inside_out(corners: Floats, middle: Floats) -> Bools:
-    """Whether facets (n, 4, 3) run clockwise seen from outside of their cells, whose middles are (n, 3)."""
-    return np.einsum("nc,nc->n", normals(corners), corners.mean(axis=1) - middle) < 0.0
+    """Whether facets (..., 4, 3) run clockwise seen from outside of their cells, whose middles are (..., 3)."""
+    return np.einsum("...c,...c->...", normals(corners), corners.mean(axis=-2) - middle) < 0.0
+
+
+def _turned(corners: Floats) -> Floats:
+    """What facets have at their corners (n, 4, ...), the other way round from the same first one."""
+    return corners[:, [0, 3, 2, 1]]
 
 
 def normals(corners: Floats) -> Floats:
-    """Normal times area (n, 3) of facets (n, 4, 3)."""
-    return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    """Normal times area (..., 3) of facets (..., 4, 3)."""
+    first, second, third, fourth = np.moveaxis(corners, -2, 0)
+    return 0.5 * np.cross(third - first, fourth - second)
 
 
 # -- tools --------------------------------------------------------------------------------------------------------------
@@ -293,15 +331,15 @@ def mirrored(body: Skin, tiles: Sequence[Floats], planes: dict[int, float]) -> t
     for axis, place in planes.items():
         span = float(np.ptp(body.X[..., axis]))
         body = body.part(np.abs(body.X[..., axis] - place).max(axis=1) > FLAT * span)
-        image = replace(body, X=_image(body.X, axis, place), x=_image(body.x, axis, place), values=body.values[:, ::-1])
-        pairs = ((getattr(body, name), getattr(image, name)) for name in ("X", "x", "values", "slave", "body"))
-        body = Skin(*(np.concatenate(pair) for pair in pairs))
+        image = replace(body, X=_image(body.X, axis, place), x=_image(body.x, axis, place), values=_turned(body.values))
+        pairs = {name: (getattr(body, name), getattr(image, name)) for name in ("X", "x", "values", "slave", "body")}
+        body = replace(body, **{name: np.concatenate(pair) for name, pair in pairs.items()})
         tiles = [np.concatenate([one, _image(one, axis, place)]) for one in tiles]
     return body, tiles
 
 
 def _image(corners: Floats, axis: int, place: float) -> Floats:
     """Facets behind a plane, their corners the other way round so that they still look out."""
-    image = corners[:, ::-1].copy()
+    image = _turned(corners)
     image[..., axis] = 2 * place - image[..., axis]
     return image

@@ -1,6 +1,6 @@
 """A contact at the nodes of its slave surface: pressure, friction, gap, status and slip, and what they say of its zone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,13 +14,17 @@ from fenics_contact.assembly.system import System
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.types import Bools, Floats, Ints, Ints64
 
-# How much a point is held, by its status code: the order in which a node's points of different status are averaged.
+# How much a point is held, by its status code: of two the one that is held more shows.
 RANK_OF_STATUS = np.empty(4)
 RANK_OF_STATUS[[OPEN, CLOSED, SLIP, STICK]] = 0, 1, 2, 3
 STATUS_OF_RANK = np.argsort(RANK_OF_STATUS)
 ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in common
 STRETCHED = 0.05  # change of the area in contact from which on a law of friction that knows pressures is off by it
-SUMS = 14  # numbers that are summed at a node
+IN_CONTACT = np.array([CLOSED, SLIP, STICK])
+MEANS = ("pressure", "gap", "slip")  # what is between corners of degree 2 the mean of theirs, friction too
+SUMS = 16  # numbers that are summed at a node
+ROUNDED = 1e-9  # weight of a corner that a node does not lie beside
+TINY = 1e-200  # in the place of a pressure that is none: such points still have a status
 # Of its share of the facets around: a node that keeps less present area has no pressure of its own. On a facet of degree 2
 # that folds over at its corner the shape functions leave it less than none
 FOLDED = 0.1
@@ -33,8 +37,8 @@ class NodalContact:
     area: current one of the slave surface that belongs to a node [length^2]; pressure, friction (n, 3): tractions on the
     current area [pressure], where a facet has folded over at a node on its share, as at the start, of that of the facets
     around; gap, slip: means over the points around a node, slip along the way [length]; status: codes of
-    kernels/status.py; closed: share of the node's area in contact; covered: share of it that lies over the master;
-    stretch: that area over the one at the start.
+    kernels/status.py, open where nothing presses, else that of the points around that press most in sum; closed: share of
+    the node's area in contact; covered: share of it that lies over the master; stretch: that area over the one at the start.
     """
 
     on: Bools
@@ -90,28 +94,59 @@ class SlaveNodes:
         covered = contact.forces.covered(state)
         status = contact.forces.status(state)
         closed = np.where(status != OPEN, covered, 0.0)
-        ones, rank = np.ones_like(pressure), RANK_OF_STATUS[status]
-        values = np.stack([ones, pressure, response.gap, rank, closed, covered, h.slip_path], axis=-1)
+        values = np.stack([np.ones_like(pressure), pressure, response.gap, closed, covered, h.slip_path], axis=-1)
         values = np.concatenate([values, friction], axis=-1)
+        held = (status[..., None] == IN_CONTACT) * np.maximum(pressure, TINY)[..., None]
         sums = self._sums.array.reshape(-1, SUMS)
         sums[:] = 0.0
-        np.add.at(sums[:, 2:12], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
+        np.add.at(sums[:, 2:11], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
+        np.add.at(sums[:, 11:14], s.nodes, np.einsum("eqk,eqv->ekv", np.abs(self._share), held))
         areas, skin = self._areas(), self.skin
         around = np.stack([areas, skin.area]) * self._over_depth
         np.add.at(sums[:, 0], skin.nodes, np.einsum("eq,eqk->ek", areas, self._lumped))
         np.add.at(sums[:, 1], skin.nodes, np.einsum("eq,eqk->ek", around[0], self._lumped))
-        np.add.at(sums[:, 12:], skin.nodes, around.sum(axis=2).T[:, None])
+        np.add.at(sums[:, 14:], skin.nodes, around.sum(axis=2).T[:, None])
         compat.sum_to_owners(self._sums)
         compat.copy_to_ghosts(self._sums)
-        area, now, weight, means = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:12]
+        area, now, weight, means, held = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:11], sums[:, 11:14]
         on = weight > 0.0
-        shared = weight * np.divide(sums[:, 12], sums[:, 13], out=np.zeros_like(now), where=on)
+        shared = weight * np.divide(sums[:, 14], sums[:, 15], out=np.zeros_like(now), where=on)
         now = np.where(now < FOLDED * shared, shared, now)
         mean, per_area = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, now))
-        gap, rank, closed, covered, slip = (means[:, 1:6] * mean[:, None]).T
-        status = STATUS_OF_RANK[np.clip(np.rint(rank), 0, 3).astype(int)]
-        pressure, friction = means[:, 0] * per_area, means[:, 6:] * per_area[:, None]
+        gap, closed, covered, slip = (means[:, 1:5] * mean[:, None]).T
+        pressure, friction = means[:, 0] * per_area, means[:, 5:] * per_area[:, None]
+        presses = (held > 0.0).any(axis=1) & ((closed > 0.0) | (pressure > 0.0))
+        status = np.where(presses, IN_CONTACT[held.argmax(axis=1)], OPEN)
         return NodalContact(on, area, pressure, friction, gap, slip, status, closed, covered, now * mean)
+
+    def whole(self, at: NodalContact) -> NodalContact:
+        """The same, and at nodes of degree 2 between corners that alone have values, as averages have, the means of these;
+        of their statuses the one that holds most. Collective."""
+        space = self._system.space
+        if compat.degree(space) == 1:
+            return at
+        cell = compat.cell_name(space.mesh)
+        table = compat.tabulate(compat.basix_element(cell, 1), 0, compat.basix_element(cell, 2).points)[0]
+        dofs, many = compat.cell_dofs(space)[self.skin.cells], table.shape[1]
+        known = np.column_stack([np.ones(len(at.on)), *(getattr(at, name) for name in MEANS), at.friction])
+        rank, sums = RANK_OF_STATUS[at.status], compat.node_values(space, known.shape[1] + 1)
+        rows = sums.array.reshape(len(known), -1)
+        for nodes, weights in zip(dofs.T[many:], table[many:], strict=True):
+            mine = np.isin(nodes, self.skin.nodes)
+            corners = dofs[mine, :many][:, weights > ROUNDED]
+            found = np.column_stack([known[corners].mean(axis=1), rank[corners].max(axis=1)])
+            np.add.at(rows, nodes[mine], found)
+        compat.sum_to_owners(sums)
+        compat.copy_to_ghosts(sums)
+        between = (rows[:, 0] > 0.0) & ~at.on
+        mean = rows[between] / rows[between, :1]
+        new = {name: getattr(at, name).copy() for name in (*MEANS, "on", "friction", "status")}
+        for name, column in zip(MEANS, mean.T[1:], strict=False):
+            new[name][between] = column
+        new["friction"][between] = mean[:, len(MEANS) + 1 : -1]
+        new["status"][between] = STATUS_OF_RANK[np.rint(mean[:, -1]).astype(int)]
+        new["on"][between] = True
+        return replace(at, **new)
 
     def area_note(self) -> str | None:
         """What is to be said of a law of friction that takes pressures per area at the start, where that has changed.
