@@ -20,10 +20,21 @@ _FACES = {
     "Hexahedron": np.array([[0, 1, 2, 3], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2, 6, 5], [2, 3, 7, 6], [4, 5, 6, 7]]),
     "Tetrahedron": np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
 }
-# what dolfinx reads, order 1 and 2, by the dimension of the mesh
+# what dolfinx reads, order 1 and 2, by the dimension of the mesh, and what their faces are
 _CELLS = {
-    3: ("Hexahedron 8", "Hexahedron 27", "Tetrahedron 4", "Tetrahedron 10"),
-    2: ("Quadrilateral 4", "Quadrilateral 9", "Triangle 3", "Triangle 6"),
+    3: {
+        "Hexahedron 8": "Quadrilateral 4",
+        "Hexahedron 27": "Quadrilateral 9",
+        "Tetrahedron 4": "Triangle 3",
+        "Tetrahedron 10": "Triangle 6",
+    },
+    2: {"Quadrilateral 4": "Line 2", "Quadrilateral 9": "Line 3", "Triangle 3": "Line 2", "Triangle 6": "Line 3"},
+}
+# how other programs call them
+_WRITTEN = {
+    "Triangle 6": " (Nastran: CTRIA6, Abaqus: STRI65)",
+    "Triangle 3": " (Nastran: CTRIA3, Abaqus: S3)",
+    "Line 3": " (Nastran: CBEAM3)",
 }
 _ADVICE = {3: "use hexahedra or tetrahedra, of order 1 or 2", 2: "use quadrilaterals or triangles, of order 1 or 2"}
 _BODY, _SIDE = {3: "volume", 2: "surface"}, {3: "surface", 2: "curve"}  # what a body is, and what bounds it
@@ -164,12 +175,13 @@ def hand_over() -> Groups:
     """
     dim = 2 if not gmsh.model.getEntities(3) and gmsh.model.getPhysicalGroups(2) else 3
     volumes, surfaces = group_entities(dim), group_entities(dim - 1)
-    kind, shape, cells, owner = _cells(dim, volumes)
+    kind, label, cells, owner = _cells(dim, volumes)
+    shape = label.split()[0]
     faces = cells[:, _FACES[shape]]
     owner_of_face = np.repeat(owner, faces.shape[1])
     faces = faces.reshape(-1, faces.shape[2])
     face_keys = key(faces)
-    facets = _facets(dim, surfaces, face_keys)
+    facets = _facets(dim, surfaces, face_keys, label)
     used = np.unique(cells)
     X = places(used)
     names = list(volumes)
@@ -188,7 +200,7 @@ def hand_over() -> Groups:
 
 
 def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64]:
-    """Type's number, its shape, nodes (n, k) and index of the volume (n,) of all cells, in the order of the groups' tags."""
+    """Type's number and name, nodes (n, k) and index of the volume (n,) of all cells, in the order of the groups' tags."""
     if not volumes:
         raise ValueError("it has no physical volume; add one with gmsh.model.addPhysicalGroup(3, ...) and name it")
     group_of: dict[int, str] = {}
@@ -226,7 +238,7 @@ def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, st
     if twice := int((copies > 1).sum()):
         raise ValueError(f"{twice} cells are there twice, with the same nodes; draw and mesh each {_BODY[dim]} once")
     ((kind, label),) = kinds.items()
-    return kind, label.split()[0], cells, np.concatenate(owner)
+    return kind, label, cells, np.concatenate(owner)
 
 
 def _check_jacobians(kind: int, entity: int, tags: Array) -> None:
@@ -299,10 +311,11 @@ class _Facets:
         return tuple(sorted(name for name, tags in self.tags.items() if self.tag[at] in tags))
 
 
-def _facets(dim: int, surfaces: dict[str, tuple[int, list[int]]], face_keys: Array) -> _Facets:
-    """_Facets of the groups that are faces of cells; a group that lies on no cell, such as a tool drawn beside, has none."""
+def _facets(dim: int, surfaces: dict[str, tuple[int, list[int]]], face_keys: Array, cell: str) -> _Facets:
+    """_Facets of the groups that are faces of cells of this type; a group on no cell, as a tool drawn beside, has none."""
     corners = {"Triangle": 3, "Quadrilateral": 4, "Line": 2}
-    kinds, rows, keys, of_cells = {}, [], {}, np.unique(face_keys)
+    rows, keys, of_cells = [], {}, np.unique(face_keys)
+    facet: int | None = None
     for name, (_, entities) in surfaces.items():
         found, on_cells = 0, [np.empty(0, dtype=np.uint64)]
         for kind, label, _, nodes in (one for entity in entities for one in elements(dim - 1, entity)):
@@ -310,7 +323,13 @@ def _facets(dim: int, surfaces: dict[str, tuple[int, list[int]]], face_keys: Arr
             on_cell = of_cells[np.minimum(np.searchsorted(of_cells, own), len(of_cells) - 1)] == own
             found += len(own)
             if on_cell.any():
-                kinds[kind] = label
+                if label != _CELLS[dim][cell]:
+                    wanted = _CELLS[dim][cell]
+                    raise ValueError(
+                        f"{_SIDE[dim]} group '{name}': {on_cell.sum()} of its facets are of type '{label}' and lie on "
+                        f"cells of type '{cell}'; write both with one order, these as '{wanted}'{_WRITTEN.get(wanted, '')}"
+                    )
+                facet = kind
                 rows.append((own[on_cell], nodes[on_cell]))
                 on_cells.append(own[on_cell])
         if not found:
@@ -324,9 +343,7 @@ def _facets(dim: int, surfaces: dict[str, tuple[int, list[int]]], face_keys: Arr
                 f"{_BODY[dim]}; give them a group of their own, or mesh the {_BODY[dim]} after its {_SIDE[dim]}s so that "
                 "both have the same nodes"
             )
-    if len(kinds) > 1:
-        raise ValueError(f"the facets of surface groups are of types {' and '.join(kinds.values())}; use one order for all")
-    if not kinds:
+    if facet is None:
         none = np.empty(0, dtype=np.int64)
         return _Facets(0, none.reshape(0, 4), none.astype(np.uint64), none, dict.fromkeys(surfaces, ()))
     known, first = np.unique(np.concatenate([own for own, _ in rows]), return_index=True)
@@ -336,7 +353,7 @@ def _facets(dim: int, surfaces: dict[str, tuple[int, list[int]]], face_keys: Arr
         _, combination = np.unique(2 * combination + member, return_inverse=True)
     tag = combination + 1
     tags = {name: tuple(int(one) for one in np.unique(tag[member])) for name, member in members.items()}
-    return _Facets(next(iter(kinds)), np.concatenate([nodes for _, nodes in rows])[first], known, tag, tags)
+    return _Facets(facet, np.concatenate([nodes for _, nodes in rows])[first], known, tag, tags)
 
 
 def _replace(dim: int, used: Ints64, X: Floats, kind: int, volumes: list[tuple[str, int, Ints64]], facets: _Facets) -> None:

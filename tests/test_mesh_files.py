@@ -235,6 +235,106 @@ def test_a_nastran_file(folder, writer):
     assert pressed(mesh, "pid_1", low, high) == pytest.approx(by_gmsh(), rel=1e-6, abs=1e-6)  # seven digits of coordinates
 
 
+def bulk(kind, number, numbers, style):
+    """An element in one of the ways in which programs continue a line."""
+    fields = [number, *numbers]
+    if style == "one line":
+        return ",".join(map(str, [kind, *fields])) + "\n"
+    if style == "large":
+        parts = [fields[i : i + 4] for i in range(0, len(fields), 4)]
+        lines = ["".join(f"{one:<16}" for one in part) for part in parts]
+        return f"{kind + '*':8}" + "\n*       ".join(lines) + "\n"
+    parts = [fields[i : i + 8] for i in range(0, len(fields), 8)]
+    if style == "commas":
+        return ",\n,".join(",".join(map(str, part)) for part in [[kind, *parts[0]], *parts[1:]]) + "\n"
+    end, begin = {"blank": ("", ""), "half": ("", "+"), "plus": ("+", "+"), "named": (f"+E{number}", f"+E{number}")}[style]
+    lines = ["".join(f"{one:<8}" for one in part) for part in parts]
+    return f"{kind:8}" + f"{end}\n{begin:8}".join(lines) + "\n"
+
+
+STYLES = ["blank", "half", "plus", "named", "large", "commas", "one line"]
+
+
+def ball_bdf(folder, style, sides="CTRIA6"):
+    """The octant of test_surfaces_of_curved_cells by Nastran's order of nodes: body 7, side 8; and gmsh's own."""
+    X, elements = drawn(folder / "ball.msh", octant)
+    last = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+    on_ball = [one for one in elements[9] if (abs(np.linalg.norm(X[one - 1], axis=1) - 1.0) < 1e-9).all()]
+    text = "".join(f"GRID*,{n},,{x!r},{y!r},*\n*,{z!r}\n" for n, (x, y, z) in enumerate(X.tolist(), start=1))
+    text += "".join(bulk("CTETRA", n, [7, *one[last]], style) for n, one in enumerate(elements[11], start=1))
+    count = int(sides[-1])
+    text += "".join(bulk(sides, n, [8, *one[:count]], style) for n, one in enumerate(on_ball, start=10001))
+    return written(folder / "ball.bdf", f"SOL 101\nCEND\nBEGIN BULK\n{text}ENDDATA\n"), str(folder / "ball.msh")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("style", STYLES)
+def test_curved_cells_of_a_nastran_file(folder, style):
+    path, own = ball_bdf(folder, style)
+    found, wanted = read_mesh(path), read_mesh(own)
+    assert set(found.volumes) == {"pid_7"} and set(found.surfaces) == {"pid_8"}
+    figures = [volume_of(found), area(found, "pid_7", "pid_8")]
+    assert figures == pytest.approx([volume_of(wanted), area(wanted, "ball", "round")], rel=1e-12)
+    assert figures == pytest.approx([np.pi / 6, np.pi / 2], rel=2e-3)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("form", [0, 1, 2])
+def test_curved_cells_of_a_nastran_file_by_gmsh(folder, form):
+    def formed():
+        gmsh.option.setNumber("Mesh.BdfFieldFormat", form)
+        octant()
+
+    drawn(folder / "ball.bdf", formed)
+    assert volume_of(read_mesh(folder / "ball.bdf")) == pytest.approx(np.pi / 6, rel=2e-3)
+
+
+@pytest.mark.parallel
+def test_facets_of_another_order_than_their_cells_are_refused(folder):
+    path, _ = ball_bdf(folder, "plus", "CTRIA3")
+    words = "'pid_8'", "of type 'Triangle 3'", "'Tetrahedron 10'", "CTRIA6"
+    refused(lambda: read_mesh(path), "ball.bdf", *words, kind=SceneError)
+
+    def mixed():
+        gmsh.model.addDiscreteEntity(3, 1)
+        gmsh.model.mesh.addNodes(3, 1, range(1, 8), [*np.ravel(TETRAHEDRON), 0.5, 0, 0, 0.5, 0.5, 0, 0, 0.5, 0])
+        gmsh.model.mesh.addElementsByType(1, 4, [], [1, 2, 3, 4])
+        gmsh.model.addDiscreteEntity(2, 1)
+        gmsh.model.mesh.addElementsByType(1, 9, [], [1, 2, 3, 5, 6, 7])
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), "one")
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [1]), "low")
+
+    refused(lambda: read_gmsh(mixed), "'low'", "1 of its facets", "'Triangle 6'", "'Tetrahedron 4'", "'Triangle 3'")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("style", STYLES)
+def test_elements_of_a_nastran_file_that_are_refused(folder, style):
+    grid = "".join(f"GRID,{n},,{x},{y},{z}\n" for n, (x, y, z) in enumerate(HEXAHEDRON * 3, start=1))
+    cube = bulk("CHEXA", 5, [7, *range(1, 9)], style)
+    assert volume_of(read_mesh(written(folder / "one.bdf", grid + cube))) == pytest.approx(1.0)
+    for text, words in (
+        (bulk("CHEXA", 5, [7, *range(1, 21)], style), ("CHEXA 5 in line 25 has 20 nodes", "8 nodes", "degree=2")),
+        (bulk("CTETRA", 5, [7, *range(1, 8)], style), ("CTETRA 5 in line 25 has", "4 or 10")),
+        (bulk("CPENTA", 5, [7, *range(1, 7)], style), ("CPENTA 5 in line 25 has 6 nodes",)),
+        (bulk("CHEXA", 5, [7, *range(18, 26)], style), ("element 5 in line 25", "no GRID 25")),
+        (bulk("CQUAD8", 5, [7, *range(1, 9)], style), ("CQUAD8 5 in line 25 has 8 nodes",)),
+        (cube + cube, ("element 5 is given twice, in line 25 and in line",)),
+        (cube.replace("7", "x", 1), ("CHEXA in line 25", "'X' is no number")),
+        (cube + "INCLUDE 'more.bdf'\n", ("INCLUDE 'MORE.BDF'", "in one file")),
+        ("CHEXA 5 7 1 2 3 4 5 6 7 8\n", ("line 25, 'CHEXA 5 7 1", "fields of 8 or 16")),
+    ):
+        bad = written(folder / "bad.bdf", grid + text)
+        refused(lambda bad=bad: read_mesh(bad), "bad.bdf", *words, kind=SceneError)
+
+
+@pytest.mark.serial
+def test_continuations_of_a_nastran_file_that_are_not_in_place(folder):
+    one, other = (bulk("CHEXA", n, [7, *range(1, 9)], "named").splitlines() for n in (1, 2))
+    text = "\n".join([one[0], other[1], other[0], one[1]]) + "\n"
+    refused(lambda: read_mesh(written(folder / "bad.bdf", text)), "line 2 continues '+E1' of CHEXA in line 1 with '+E2'")
+
+
 def at(mesh, name, height):
     """Whether a surface lies in z = height."""
     facets = mesh.facets(name)
@@ -541,7 +641,7 @@ def test_other_files_that_are_refused(folder):
     turned = tetrahedron.replace("GRID,4,,", "GRID,4,2,")
     refused(lambda: read_mesh(written(folder / "turned.bdf", turned)), "GRID", "basic coordinate system", "not in 2")
     more = tetrahedron.replace("ENDDATA", "CTRIAX,2,8,1,2,3\nENDDATA")
-    refused(lambda: read_mesh(written(folder / "more.bdf", more)), "1 of its 2 elements")
+    refused(lambda: read_mesh(written(folder / "more.bdf", more)), "CTRIAX in line 7 is not understood", "CTRIA6")
 
 
 def grids(writer):
