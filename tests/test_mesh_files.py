@@ -195,6 +195,22 @@ def volume_of(mesh):
     return volume(Scene(Body(mesh, next(iter(mesh.volumes)), neo_hooke(0.5, 2.0)), accept_locking=True))
 
 
+@pytest.mark.serial
+def test_surfaces_that_others_make_in_an_abaqus_file(folder):
+    """Faces of the cube, each of area 1: all six, two of them, one that two surfaces share, and what is left."""
+    text = CUBE + "*SURFACE, NAME=Skin\none,\n*SURFACE, NAME=ends\none, S1\none, S2\n*SURFACE, NAME=low\n1, S1\n1, S3\n"
+    for name, how, of in (
+        ("both", "UNION", "ENDS,\n low"),
+        ("shared", "intersection", "ends, a-1.low"),
+        ("rest", "DIFFERENCE", "SKIN, both"),
+    ):
+        text += f"*SURFACE, NAME={name}, COMBINE={how}\n{of}\n"
+    mesh = read_mesh(written(folder / "cube.inp", text))
+    areas = {name: area(mesh, "one", name) for name in mesh.surfaces}
+    assert areas == pytest.approx({"Skin": 6.0, "ends": 2.0, "low": 2.0, "both": 3.0, "shared": 1.0, "rest": 3.0})
+    assert at(mesh, "shared", 0.0)
+
+
 def octant():
     ball = gmsh.model.occ.addSphere(0, 0, 0, 1.0, angle1=0.0, angle3=np.pi / 2)
     gmsh.model.occ.synchronize()
@@ -579,6 +595,16 @@ CUBE = element("C3D8", HEXAHEDRON)
         (CUBE + "*SURFACE, NAME=top\none, S7\n", ("S7", "S1, S2")),
         (CUBE + "*SURFACE, NAME=top\ntwo, S1\n", ("set 'two'",)),
         (CUBE + "*SURFACE, NAME=top\none, S2\n*NSET, NSET=Top\n1, 2\n", ("'Top'", "'top'", "different nodes")),
+        (
+            CUBE + "*SURFACE, NAME=top\none, S2\n*SURFACE, NAME=TOP\none, S1\n",
+            ("*SURFACE in line 14 of bad.inp", "surface 'TOP' already, in line 12 of bad.inp"),
+        ),
+        (
+            CUBE + "*SURFACE, NAME=a\none, S2\n*SURFACE, NAME=b, COMBINE=UNION\na, c\n",
+            ("'b' in line 14 of bad.inp", "no surface 'c' of elements, but a"),
+        ),
+        (CUBE + "*SURFACE, NAME=a\none, S2\n*SURFACE, NAME=b, COMBINE=XOR\na, a\n", ("line 14", "COMBINE=XOR", "UNION")),
+        (CUBE + "*SURFACE, NAME=b, CROP\na\n", ("*SURFACE in line 12", "'b'", "cropped", "faces written")),
         (CUBE + "*NSET, NSET=a\nb\n", ("*NSET", "node set 'b'")),
         ("*PART, NAME=a\n" + CUBE + "*END PART\n*PART, NAME=b\n*END PART\n", ("*PART", "without parts")),
         ("*PART, NAME=a\n" + CUBE + "*END PART\n*ASSEMBLY\n*INSTANCE, NAME=a-1, PART=a\n1., 0., 0.\n", ("moved",)),

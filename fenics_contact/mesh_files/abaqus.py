@@ -37,6 +37,8 @@ def read_inp(path: str, bodies: str | Sequence[str] | None = None, tool: bool = 
             parts.sides[name] = side
     for name, rows in model.surfaces.items():
         parts.sides[name] = joined([one for row in rows for one in _faces(model, cells, facets, *row)])
+    for name in model.combined:
+        parts.sides[name] = _combined(model, name, parts.sides)
     _add_node_sets(parts, model, cells, number)
     put(parts)
 
@@ -114,6 +116,25 @@ def _faces(model: keywords.Model, cells: list[Block], facets: list[Block], name:
             raise ValueError(f"*SURFACE: elements of '{name}' have no face {face}; they have {', '.join(faces)}")
         found.append(faces[face])
     return found
+
+
+def _combined(model: keywords.Model, name: str, sides: dict[str, list[Block]]) -> list[Block]:
+    """Facets of several surfaces, those that two have in common, or those of one without another's."""
+    how, names = model.combined[name]
+    line = f"*SURFACE '{name}' in {model.line(model.stated[name.upper()])}"
+    if how not in ("UNION", "INTERSECTION", "DIFFERENCE") or (how != "UNION" and len(names) != 2):
+        raise ValueError(
+            f"{line}: COMBINE={how} of {len(names)} surfaces is not known; UNION takes several, INTERSECTION and "
+            "DIFFERENCE two"
+        )
+    known = {one.upper(): one for one in (*model.surfaces, *model.combined) if one in sides}
+    if absent := [one for one in names if one.rpartition(".")[2].upper() not in known]:
+        raise ValueError(f"{line}: before it there is no surface '{absent[0]}' of elements, but {', '.join(known.values())}")
+    first, *others = (sides[known[one.rpartition(".")[2].upper()]] for one in names)
+    if how == "UNION":
+        return joined([*first, *(block for other in others for block in other)])
+    keys = np.concatenate([np.empty(0, dtype=np.uint64), *(block.keys() for block in others[0])])
+    return [block.only(block.number[np.isin(block.keys(), keys) == (how == "INTERSECTION")]) for block in joined(first)]
 
 
 def _add_node_sets(parts: Parts, model: keywords.Model, cells: list[Block], number: Ints64) -> None:

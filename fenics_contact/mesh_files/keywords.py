@@ -75,7 +75,8 @@ class Sets:
 @dataclass
 class Model:
     """number (n,), places (n, 3) and Line.at (n,) of nodes, an array for each keyword; surfaces: {name: rows of (set
-    or element, face)}; sections: names of the element sets with a *SOLID SECTION."""
+    or element, face)}; combined: {name: (how, names of surfaces)}; stated: {surface's name in capitals: Line.at}; sections:
+    names of the element sets with a *SOLID SECTION."""
 
     number: list[Ints64] = field(default_factory=list)
     places: list[Floats] = field(default_factory=list)
@@ -84,6 +85,8 @@ class Model:
     nsets: Sets = field(default_factory=lambda: Sets("node set"))
     elsets: Sets = field(default_factory=lambda: Sets("element set"))
     surfaces: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+    combined: dict[str, tuple[str, list[str]]] = field(default_factory=dict)
+    stated: dict[str, int] = field(default_factory=dict)
     sections: list[str] = field(default_factory=list)
     parts: int = 0
     instances: int = 0
@@ -100,7 +103,10 @@ def read(path: Path) -> Model:
     model = Model()
     for keyword, parameters, at, data in _keywords(model, path):
         try:
-            _take(model, keyword, parameters, data)
+            if keyword == "SURFACE":
+                _surface(model, parameters, at, data)
+            else:
+                _take(model, keyword, parameters, data)
         except (KeyError, IndexError, ValueError) as error:
             said = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise ValueError(f"*{keyword} in {model.line(at)}: {said}") from error
@@ -195,8 +201,6 @@ def _take(model: Model, keyword: str, parameters: dict[str, str], data: list[Lin
         _elements(model, parameters, data)
     elif keyword in ("NSET", "ELSET"):
         _set(model, keyword, parameters, data)
-    elif keyword == "SURFACE" and not {"COMBINE", "CROP", "INTERNAL"} & set(parameters):
-        _surface(model, parameters, data)
     elif keyword == "SOLID SECTION":
         model.sections.append(parameters["ELSET"])
     elif keyword in ("PART", "INSTANCE"):
@@ -296,11 +300,19 @@ def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[Line
         sets.internal.add(sets.spelled(name))
 
 
-def _surface(model: Model, parameters: dict[str, str], data: list[Line]) -> None:
-    """*SURFACE of faces of elements, or of nodes; those of other types are drawn, not meshed."""
+def _surface(model: Model, parameters: dict[str, str], at: int, data: list[Line]) -> None:
+    """*SURFACE of faces of elements, of nodes or of other surfaces; those of other types are drawn, not meshed."""
+    if "INTERNAL" in parameters:
+        return
     kind, name = parameters.get("TYPE", "ELEMENT").upper(), parameters["NAME"]
+    if (first := model.stated.setdefault(name.upper(), at)) != at:
+        raise ValueError(f"there is a surface '{name}' already, in {model.line(first)}; give one another name")
     rows = [[part.strip() for part in line.text.split(",")] for line in data]
-    if kind == "ELEMENT":
+    if "CROP" in parameters:
+        raise ValueError(f"'{name}': a surface that is cropped by a box is not read; have its faces written")
+    if "COMBINE" in parameters:
+        model.combined[name] = parameters["COMBINE"].upper(), [part for row in rows for part in row if part]
+    elif kind == "ELEMENT":
         model.surfaces[name] = [(row[0], row[1].upper() if len(row) > 1 else "") for row in rows]
     elif kind == "NODE":
         for row in rows:
