@@ -594,6 +594,12 @@ CUBE = element("C3D8", HEXAHEDRON)
         (CUBE + "*SOLID SECTION, ELSET=gum\n", ("'gum'", "the file has: one")),
         (CUBE + "*SURFACE, NAME=top\none, S7\n", ("S7", "S1, S2")),
         (CUBE + "*SURFACE, NAME=top\ntwo, S1\n", ("set 'two'",)),
+        (CUBE + "*SURFACE, NAME=top\n1, S1\n99, S1\n", ("elements of '99' have no face S1", "no such cells")),
+        (
+            CUBE + "*ELEMENT, TYPE=S4, ELSET=skin\n2, 1, 2, 3, 4\n*SURFACE, NAME=top\none, S2\nskin, E1\n",
+            ("elements of 'skin' have no face E1",),
+        ),
+        (CUBE + "*ELSET, ELSET=half, INTERNAL\n1, 99\n", ("*ELSET 'half'", "1 of its elements", "element 99")),
         (CUBE + "*SURFACE, NAME=top\none, S2\n*NSET, NSET=Top\n1, 2\n", ("'Top'", "'top'", "different nodes")),
         (
             CUBE + "*SURFACE, NAME=top\none, S2\n*SURFACE, NAME=TOP\none, S1\n",
@@ -652,6 +658,33 @@ def test_one_part_and_one_instance_are_the_part(folder):
     text += "*SURFACE, TYPE=NODE, NAME=_c, INTERNAL\nreference, 1.\n*END ASSEMBLY\n"
     mesh = read_mesh(written(folder / "parts.inp", text), bodies="ONE")
     assert set(mesh.surfaces) == {"top", "low", "held"} and set(mesh.volumes) == {"one"} and not mesh.points
+
+
+@pytest.mark.serial
+def test_sets_of_the_assembly_that_have_the_names_of_the_part_s(folder):
+    """As Abaqus/CAE calls them: Set-1 is all of the part for its section, and the foot of the assembly."""
+    nodes, cell = CUBE.replace(", ELSET=one", ""), "*ELSET, ELSET=Set-1\n1\n*NSET, NSET=Set-1, GENERATE\n1, 8\n"
+    part = "*ELSET, ELSET=_Surf_S1, INTERNAL\n1\n*SURFACE, NAME=Side\n_Surf_S1, S4\n*SOLID SECTION, ELSET=Set-1\n"
+    text = f"*PART, NAME=a\n{nodes}{cell}{part}*END PART\n*ASSEMBLY\n*INSTANCE, NAME=a-1, PART=a\n*END INSTANCE\n"
+    text += "*NSET, NSET=Set-1, INSTANCE=a-1\n1, 2, 3, 4\n*ELSET, ELSET=SET-1, INSTANCE=a-1, GENERATE\n7, 7\n"
+    text += "*ELSET, ELSET=_Surf_S1, INTERNAL, INSTANCE=a-1, GENERATE\n8, 8\n*SURFACE, NAME=Low\na-1.Set-1, S1\n"
+    mesh = read_mesh(written(folder / "cae.inp", text + "*NSET, NSET=All, INSTANCE=a-1\nSet-1\n*END ASSEMBLY\n"))
+    assert set(mesh.volumes) == {"a-1.Set-1"}
+    areas = {name: area(mesh, "a-1.Set-1", name) for name in mesh.surfaces}
+    assert areas == pytest.approx({"Set-1": 1.0, "a-1.Set-1": 6.0, "All": 6.0, "Side": 1.0, "Low": 1.0})
+    assert at(mesh, "Set-1", 0.0) and at(mesh, "Low", 0.0) and not at(mesh, "Side", 0.0)
+
+
+@pytest.mark.serial
+def test_the_side_of_rigid_facets_to_which_a_surface_looks(folder):
+    text = CUBE + "*ELEMENT, TYPE=R3D4, ELSET=plate\n2, 5, 6, 7, 8\n*SURFACE, NAME=up\nplate, SPOS\n*SURFACE, NAME=down\n"
+    path = written(folder / "plate.inp", text + "plate, SNEG\n")
+    for name, height in (("up", 1.0), ("down", -1.0)):
+        tool = rigid_surface(path, name)
+        a, b, c = tool.X[tool.nodes[0, :3]]
+        assert np.cross(b - a, c - a)[2] == pytest.approx(height)
+    shells = written(folder / "shells.inp", element("S4R", HEXAHEDRON[:4], "*SURFACE, NAME=up\none, SPOS\n"))
+    assert len(rigid_surface(shells).nodes) == 1
 
 
 @pytest.mark.parallel

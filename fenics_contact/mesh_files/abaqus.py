@@ -25,6 +25,8 @@ def read_inp(path: str, bodies: str | Sequence[str] | None = None, tool: bool = 
     number = np.concatenate([np.empty(0, dtype=np.int64), *model.number])
     if not len(number):
         raise ValueError("it has no *NODE; have the nodes written")
+    _refuse_lost("*NSET", model.nsets, number)
+    _refuse_lost("*ELSET", model.elsets, np.concatenate([*(one.number for one in model.elements), *model.passed]))
     dim = max(block.dim for block in model.elements)
     if dim < 2:
         raise ValueError(f"it holds {_held(model.elements)}, and no cells of bodies; {SOLIDS}")
@@ -79,13 +81,24 @@ def _block(elements: keywords.Elements, number: Ints64) -> Block:
     return Block(kind, elements.number, at)
 
 
+def _refuse_lost(keyword: str, sets: keywords.Sets, known: Ints64) -> None:
+    """Nodes or elements that a set names one by one, and that are not there."""
+    for name, named in sets.named.items():
+        if len(lost := np.setdiff1d(named, known)):
+            one = sets.what.removesuffix(" set")
+            raise ValueError(
+                f"{keyword} '{name}': {len(lost)} of its {one}s are not in the file, the first is {one} {lost[0]}; have all "
+                f"{one}s written, or take these out of the set"
+            )
+
+
 def _bodies(model: keywords.Model, cells: list[Block], asked: str | Sequence[str] | None) -> dict[str, list[Block]]:
     """{name: its cells}, each cell in one."""
     names = [asked] if isinstance(asked, str) else list(asked or model.sections)
     names = names or [name for name in model.elsets.found if name not in model.elsets.internal]
     found: dict[str, list[Block]] = {}
     owner: dict[int, str] = {}
-    for name in dict.fromkeys(model.elsets.spelled(name) for name in names):
+    for name in dict.fromkeys(model.elsets.sought(name) for name in names):
         if not (own := chosen(cells, model.elsets.get(name))):
             continue
         found[name] = own
@@ -107,15 +120,16 @@ def _bodies(model: keywords.Model, cells: list[Block], asked: str | Sequence[str
 def _faces(model: keywords.Model, cells: list[Block], facets: list[Block], name: str, face: str) -> list[Block]:
     """Facets of a line of *SURFACE, of an element or a set: one face of each, all outer ones, or the facets of the set."""
     numbers = np.array([name], dtype=np.int64) if name.isdigit() else model.elsets.get(name)
+    own, sides = chosen(cells, numbers), chosen(facets, numbers)
     if face in ("", "SPOS", "SNEG"):
-        return ([] if face else outer(cells, numbers)) + chosen(facets, numbers)
-    found = []
-    for block in chosen(cells, numbers):
-        faces = {f"S{i}": one for i, one in enumerate(block.faces(), start=1)}
-        if face not in faces:
-            raise ValueError(f"*SURFACE: elements of '{name}' have no face {face}; they have {', '.join(faces)}")
-        found.append(faces[face])
-    return found
+        found = ([] if face else outer(cells, numbers)) + ([one.turned() for one in sides] if face == "SNEG" else sides)
+        if found or own:  # shells alone are cells, and have no such sides
+            return found
+    faces = [{f"S{i}": one for i, one in enumerate(block.faces(), start=1)} for block in own]
+    if not own or any(face not in some for some in faces):
+        known = f"they have {', '.join(faces[0])}" if own else "there are no such cells"
+        raise ValueError(f"*SURFACE: elements of '{name}' have no face {face or 'of their own'}; {known}")
+    return [some[face] for some in faces]
 
 
 def _combined(model: keywords.Model, name: str, sides: dict[str, list[Block]]) -> list[Block]:
@@ -143,11 +157,6 @@ def _add_node_sets(parts: Parts, model: keywords.Model, cells: list[Block], numb
     curved = any(block.kind in CURVED for block in cells)
     spelled = {name.upper(): name for name in parts.sides}
     for name, numbers in model.nsets.found.items():
-        if len(lost := np.setdiff1d(model.nsets.named.get(name, number), number)):
-            raise ValueError(
-                f"*NSET '{name}': {len(lost)} of its nodes are not in the file, the first is node {lost[0]}; have all nodes "
-                "written, or take these out of the set"
-            )
         nodes = np.intersect1d(np.flatnonzero(np.isin(number, numbers)), of_cells)
         covered = [face.only(face.number[np.isin(face.nodes, nodes).all(axis=1)]) for face in faces]
         if twin := spelled.get(name.upper()):

@@ -54,22 +54,34 @@ class Sets:
     found: dict[str, Ints64] = field(default_factory=dict)
     internal: set[str] = field(default_factory=set)  # written by Abaqus/CAE for itself
     named: dict[str, Ints64] = field(default_factory=dict)  # of each set the numbers that stand in the file one by one
+    of_part: dict[str, str] = field(default_factory=dict)  # a part's set: its name once the assembly has one of this name
 
     def spelled(self, name: str) -> str:
         """The name as it was first written."""
         return next((known for known in self.found if known.upper() == name.upper()), name)
 
-    def get(self, name: str) -> Ints64:
-        """Numbers of a set, which may be asked for with its instance's name before it; ValueError where there is none."""
-        for asked in (name, name.rpartition(".")[2]):
-            if self.spelled(asked) in self.found:
-                return self.found[self.spelled(asked)]
+    def sought(self, name: str) -> str:
+        """As it was first written, of a name that may have its instance's before it; ValueError: there is no such set."""
+        for asked in (self.spelled(name), self.spelled(name.rpartition(".")[2])):
+            if asked in self.found:
+                return asked
         raise ValueError(f"there is no {self.what} '{name}'; the file has: {', '.join(self.found) or 'none'}")
 
-    def add(self, name: str, numbers: Ints64) -> None:
-        """A set is one more time what it was and these."""
+    def get(self, name: str) -> Ints64:
+        return self.found[self.sought(name)]
+
+    def add(self, name: str, numbers: Ints64, named: Ints64 | None = None) -> None:
+        """A set is one more time what it was and these; the assembly's is none of the part's."""
         name = self.spelled(name)
+        if other := self.of_part.pop(name, None):
+            for known in (self.found, self.named):
+                if name in known:
+                    known[other] = known.pop(name)
+            if name in self.internal:
+                self.internal = self.internal - {name} | {other}
         self.found[name] = np.union1d(self.found.get(name, numbers), numbers)
+        if named is not None:
+            self.named[name] = np.union1d(named, self.named.get(name, named))
 
 
 @dataclass
@@ -82,6 +94,7 @@ class Model:
     places: list[Floats] = field(default_factory=list)
     at: list[Ints64] = field(default_factory=list)
     elements: list[Elements] = field(default_factory=list)
+    passed: list[Ints64] = field(default_factory=list)  # numbers of elements that have no mesh
     nsets: Sets = field(default_factory=lambda: Sets("node set"))
     elsets: Sets = field(default_factory=lambda: Sets("element set"))
     surfaces: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
@@ -90,6 +103,7 @@ class Model:
     sections: list[str] = field(default_factory=list)
     parts: int = 0
     instances: int = 0
+    instance: str = ""  # name of the last
     files: list[str] = field(default_factory=list)  # names, in the order in which they are read
     loose: bool = False  # the assembly's own nodes and elements are at hand: reference points, numbered for themselves
 
@@ -203,14 +217,26 @@ def _take(model: Model, keyword: str, parameters: dict[str, str], data: list[Lin
         _set(model, keyword, parameters, data)
     elif keyword == "SOLID SECTION":
         model.sections.append(parameters["ELSET"])
+    elif keyword == "END INSTANCE":
+        _part_is_read(model)
     elif keyword in ("PART", "INSTANCE"):
         model.parts += keyword == "PART"
         model.instances += keyword == "INSTANCE"
+        model.instance = parameters.get("NAME", "")
         if max(model.parts, model.instances) > 1 or (keyword == "INSTANCE" and data):
             raise ValueError(
                 "several parts, or one that is moved, are not read; have the file written without parts "
                 "(Abaqus/CAE: Model > Edit Attributes > Do not use parts and assemblies in input files)"
             )
+
+
+def _part_is_read(model: Model) -> None:
+    """What follows is the assembly's, whose sets may have the names of the part's; what the part said stays with its own."""
+    for sets in (model.nsets, model.elsets):
+        sets.of_part = {name: f"{model.instance}.{name}" for name in sets.found}
+    model.sections = [f"{model.instance}.{name}" for name in model.sections]
+    for name, rows in model.surfaces.items():
+        model.surfaces[name] = [(own if own.isdigit() else f"{model.instance}.{own}", face) for own, face in rows]
 
 
 def _nodes(model: Model, parameters: dict[str, str], data: list[Line]) -> None:
@@ -257,6 +283,8 @@ def _elements(model: Model, parameters: dict[str, str], data: list[Line]) -> Non
     kind = parameters["TYPE"].upper()
     dim, count = _shape(kind)
     if dim == 0:
+        at = np.array([line.at for line in data], dtype=np.int64)
+        model.passed.append(_numbers(model, [line.text.split(",")[0] for line in data], at))
         return
     parts = [[part for part in line.text.split(",") if part.strip()] for line in data]
     at = np.repeat(np.array([line.at for line in data], dtype=np.int64), [len(row) for row in parts])
@@ -276,6 +304,8 @@ def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[Line
     if model.loose and "INSTANCE" not in parameters and any(part.isdigit() for row in rows for part in row):
         return
     found: list[Ints64] = [np.empty(0, dtype=np.int64)]
+    named: Ints64 | None = None
+    within = f"{parameters['INSTANCE']}." if "INSTANCE" in parameters else ""
     if "GENERATE" in parameters:
         for line, row in zip(data, rows, strict=True):
             if len(row) not in (2, 3):
@@ -289,13 +319,13 @@ def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[Line
             found.append(np.arange(first, last + 1, by))
     else:
         parts = [part for row in rows for part in row]
-        found.append(np.array([part for part in parts if part.isdigit()], dtype=np.int64))
-        sets.named[sets.spelled(name)] = np.union1d(found[-1], sets.named.get(sets.spelled(name), found[-1]))
-        found += [sets.get(part) for part in parts if not part.isdigit()]
+        named = np.array([part for part in parts if part.isdigit()], dtype=np.int64)
+        found.append(named)
+        found += [sets.get(within + part) for part in parts if not part.isdigit()]
     if keyword == "NSET" and "ELSET" in parameters:
-        of = model.elsets.get(parameters["ELSET"])
+        of = model.elsets.get(within + parameters["ELSET"])
         found += [block.nodes[np.isin(block.number, of)].ravel() for block in model.elements]
-    sets.add(name, np.unique(np.concatenate(found)))
+    sets.add(name, np.unique(np.concatenate(found)), named)
     if "INTERNAL" in parameters:
         sets.internal.add(sets.spelled(name))
 

@@ -25,6 +25,8 @@ _FACES: dict[int, list[tuple[int, ...]]] = {
     3: [(0, 1), (1, 2), (2, 3), (3, 0)],
     9: [(0, 1, 3), (1, 2, 4), (2, 0, 5)],
 }
+# the nodes of a facet that looks the other way
+_TURNED = {2: [0, 2, 1], 3: [0, 3, 2, 1], 9: [0, 2, 1, 5, 4, 3], 1: [1, 0], 8: [1, 0, 2]}
 _GMSH_ORDER = {11: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}  # elsewhere the last two nodes are the other way round
 
 
@@ -45,6 +47,10 @@ class Block:
         """The first face of each, the second, ..."""
         dim = next(dim for (dim, _), kind in TYPES.items() if kind == self.kind)
         return [Block(TYPES[dim - 1, len(face)], self.number, self.nodes[:, list(face)]) for face in _FACES[self.kind]]
+
+    def turned(self) -> "Block":
+        """Facets that look the other way."""
+        return Block(self.kind, self.number, self.nodes[:, _TURNED[self.kind]])
 
     def keys(self) -> Ints64:
         """A number for each element, the same for the same corners."""
