@@ -335,6 +335,7 @@ def test_elements_of_a_nastran_file_that_are_refused(folder, style):
         (bulk("CPENTA", 5, [7, *range(1, 7)], style), ("CPENTA 5 in line 25 has 6 nodes",)),
         (bulk("CHEXA", 5, [7, *range(18, 26)], style), ("element 5 in line 25", "no GRID 25")),
         (bulk("CQUAD8", 5, [7, *range(1, 9)], style), ("CQUAD8 5 in line 25 has 8 nodes",)),
+        (cube + bulk("CHEXCZ", 6, [7, *range(9, 17)], style), ("CHEXCZ in line", "is not understood")),
         (cube + cube, ("element 5 is given twice, in line 25 and in line",)),
         (cube.replace("7", "x", 1), ("CHEXA in line 25", "'X' is no number")),
         (cube + "INCLUDE 'more.bdf'\n", ("INCLUDE 'MORE.BDF'", "in one file")),

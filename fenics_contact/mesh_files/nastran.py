@@ -18,7 +18,7 @@ _ELEMENTS = {
     **{"CTRIA3": (2, 3), "CTRIAR": (2, 3), "CTRIA6": (2, 6), "CQUAD4": (2, 4), "CQUADR": (2, 4), "CQUAD8": (2, 8)},
     **{"CBAR": (1, 2), "CBEAM": (1, 2), "CROD": (1, 2), "CBEAM3": (1, 3)},
 }
-_UNKNOWN = re.compile(r"C(TETRA|HEXA|PENTA|PYRA|TRI|TRA|QUAD|PLST)\w*")  # of these those that are not above
+_UNKNOWN = re.compile(r"C(I|IF)?(TET|HEX|PEN|PYR|TR|Q|PLST)\w*")  # of solids and shells those that are not above
 _ENTRY = re.compile(r"(?!CEND|CORD)C[A-Z]{2,}\d?\w*|GRID|RBE\d|PLOTEL")  # nodes and elements of any kind
 _REAL = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))(?:(?:[ED]|(?=[-+]))([-+]?\d+))?")  # 1.5-3 is 0.0015
 
