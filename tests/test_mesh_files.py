@@ -612,6 +612,10 @@ CUBE = element("C3D8", HEXAHEDRON)
         ),
         (CUBE + "*SURFACE, NAME=a\none, S2\n*SURFACE, NAME=b, COMBINE=XOR\na, a\n", ("line 14", "COMBINE=XOR", "UNION")),
         (CUBE + "*SURFACE, NAME=b, CROP\na\n", ("*SURFACE in line 12", "'b'", "cropped", "faces written")),
+        (
+            CUBE + "*SURFACE, NAME=low, TYPE=NODE\n1\n2\n*NSET, NSET=Low\n1, 2, 3\n",
+            ("node set 'Low' and surface 'low'", "different nodes"),
+        ),
         (CUBE + "*NSET, NSET=a\nb\n", ("*NSET", "node set 'b'")),
         ("*PART, NAME=a\n" + CUBE + "*END PART\n*PART, NAME=b\n*END PART\n", ("*PART", "without parts")),
         ("*PART, NAME=a\n" + CUBE + "*END PART\n*ASSEMBLY\n*INSTANCE, NAME=a-1, PART=a\n1., 0., 0.\n", ("moved",)),

@@ -87,8 +87,8 @@ class Sets:
 @dataclass
 class Model:
     """number (n,), places (n, 3) and Line.at (n,) of nodes, an array for each keyword; surfaces: {name: rows of (set
-    or element, face)}; combined: {name: (how, names of surfaces)}; stated: {surface's name in capitals: Line.at}; sections:
-    names of the element sets with a *SOLID SECTION."""
+    or element, face)}; node_surfaces: {name: numbers}; combined: {name: (how, names of surfaces)}; stated: {surface's name
+    in capitals: Line.at}; sections: names of the element sets with a *SOLID SECTION."""
 
     number: list[Ints64] = field(default_factory=list)
     places: list[Floats] = field(default_factory=list)
@@ -98,6 +98,7 @@ class Model:
     nsets: Sets = field(default_factory=lambda: Sets("node set"))
     elsets: Sets = field(default_factory=lambda: Sets("element set"))
     surfaces: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+    node_surfaces: dict[str, Ints64] = field(default_factory=dict)
     combined: dict[str, tuple[str, list[str]]] = field(default_factory=dict)
     stated: dict[str, int] = field(default_factory=dict)
     sections: list[str] = field(default_factory=list)
@@ -124,6 +125,10 @@ def read(path: Path) -> Model:
         except (KeyError, IndexError, ValueError) as error:
             said = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise ValueError(f"*{keyword} in {model.line(at)}: {said}") from error
+    for name, numbers in model.node_surfaces.items():
+        if (twin := model.nsets.spelled(name)) in model.nsets.found and not np.array_equal(model.nsets.found[twin], numbers):
+            raise ValueError(f"node set '{twin}' and surface '{name}' have different nodes; give one another name")
+        model.nsets.found[twin] = numbers
     _refuse_twice(model, "*NODE", model.number, model.at)
     _refuse_twice(model, "*ELEMENT", [one.number for one in model.elements], [one.at for one in model.elements])
     return model
@@ -345,5 +350,5 @@ def _surface(model: Model, parameters: dict[str, str], at: int, data: list[Line]
     elif kind == "ELEMENT":
         model.surfaces[name] = [(row[0], row[1].upper() if len(row) > 1 else "") for row in rows]
     elif kind == "NODE":
-        for row in rows:
-            model.nsets.add(name, np.array([row[0]], dtype=np.int64) if row[0].isdigit() else model.nsets.get(row[0]))
+        found = [np.array([row[0]], dtype=np.int64) if row[0].isdigit() else model.nsets.get(row[0]) for row in rows]
+        model.node_surfaces[name] = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *found]))
