@@ -9,6 +9,7 @@ from fenics_contact import (
     Body,
     Motion,
     Scene,
+    Stage,
     neo_hooke,
     read_gmsh,
     rigid_cylinder,
@@ -18,6 +19,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.meshes import box, rectangles
+from fenics_contact.scene.build import build
 
 pytestmark = pytest.mark.parallel
 
@@ -57,6 +59,40 @@ def test_a_tool_that_is_moved_aside_on_half_a_block_is_told(way, told):
     scene.contact("pad_ymax", roller, 0.5, name="c")
     notes = notes_of(solve(scene, move={roller: way}, steps=4).require(), "'roller'", "plane of symmetry")
     assert bool(notes) == told, notes
+
+
+def half_or_whole(half, free):
+    """Half a block, y > 0, or the whole, under a plate that is pushed beside its middle and may turn about some axes."""
+    size, cells = ((10.0, 5.0, 4.0), (4, 2, 2)) if half else ((10.0, 10.0, 4.0), (4, 4, 2))
+    mesh = read_gmsh(box.build, size=size, cells=cells, origin=(-5.0, 0.0 if half else -5.0, 0.0), name="block")
+    scene = Scene(Body(mesh, "block", neo_hooke(0.5, 4.0)))
+    scene.fix("zmin")
+    if half:
+        scene.fix("ymin", "y")
+    plate = rigid_punch(half_width=15, height=3, face=(0, 0, 4), name="plate")
+    scene.contact("zmax", plate, 0.3, name="lid")
+    return scene, {plate: Motion(about=(0.5, 0, 4), force=(0, 0, -10.0 if half else -20.0), free=free)}
+
+
+def test_half_a_block_under_a_plate_that_turns_about_the_normal_of_its_plane():
+    parts = []
+    for half in (True, False):
+        scene, move = half_or_whole(half, "ry")
+        result = solve(scene, move=move, steps=2).require()
+        assert not notes_of(result, "may turn about")
+        parts.append(result.column("strain_energy_Nmm")[-1])
+    assert 2.0 * parts[0] == pytest.approx(parts[1], rel=1e-7)
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize("free", ["rx", "rx ry rz"])
+def test_a_plate_free_to_tilt_out_of_a_plane_of_symmetry_is_told(half, free):
+    """Before the run, which finds limit points that no whole has."""
+    scene, move = half_or_whole(half, free)
+    notes = build(scene, [Stage("push", move=move, steps=1)]).notes
+    assert (
+        any("'plate' may turn about x" in note and "'ymin'" in note and 'free="ry"' in note for note in notes) == half
+    ), notes
 
 
 def roller(x):

@@ -14,6 +14,7 @@ from fenics_contact.meetings import Meeting
 from fenics_contact.scene.functions import whole
 from fenics_contact.scene.stage import ARC_LENGTH, Stage
 from fenics_contact.scene.statements import Load, called
+from fenics_contact.scene.symmetry import tilting
 from fenics_contact.solid.materials import young
 
 if TYPE_CHECKING:  # which asks for them
@@ -42,6 +43,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_frictions(scene),
         *_penalties(system),
         *_images(scene, system),
+        *tilting(scene, system, len(stated)),
         *_pressed(scene, [load for load in loads if not load.shape]),
         *_idle(scene, system, loads),
         *_across(scene, system, stated, [load for load in loads if load.shape and load.nodes is None]),

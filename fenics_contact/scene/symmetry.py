@@ -66,6 +66,30 @@ def planes_of(scene: "Scene") -> list[Plane]:
     return found
 
 
+def tilting(scene: "Scene", system: System, stages: int) -> list[str]:
+    """What is to be said of tools on planes of symmetry that may turn about axes in these, in any of so many stages.
+    Collective."""
+    found, comm = dict[str, None](), system.comm
+    for contact, plane in product(system.contacts, planes_of(scene)):
+        if not contact.partner.grounded:
+            continue
+        on = bool(np.isin(plane.nodes, contact.surface.nodes).any())
+        if not any(comm.allgather(on)):
+            continue
+        tool = system.tools.names.index(contact.master_name)
+        for i in range(stages):
+            with system.stages.foreseen(i):
+                about = [axis for axis in range(3) if axis != plane.axis and system.tools.free[tool, 3 + axis]]
+            if about:
+                letter, axes = "xyz"[plane.axis], " and ".join("xyz"[axis] for axis in about)
+                found[
+                    f"tool '{contact.master_name}' may turn about {axes} on nodes of '{plane.name}', which is held along "
+                    f"{letter}: where that is a plane of symmetry, the other half keeps it from turning so, and nothing "
+                    f'does here; let it turn about {letter} alone, free="r{letter}"'
+                ] = None
+    return list(found)
+
+
 class Symmetry:
     """What is to be said of accepted states of a scene that stands for more than it models. Construction is collective."""
 
