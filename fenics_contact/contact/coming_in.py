@@ -26,6 +26,7 @@ BETWEEN, PIERCED = 0.1, 0.3
 # Of the load: what less of it acts where a tool comes in is not worth a note, as at the tip of a cone that many nodes hold;
 # and what more makes the whole force too small
 LITTLE, MOST = 0.1, 0.5
+YIELDS = "which is too small for the tool's way, or its way too long for a force that is given"
 FINER = "cells of a third of its radius"
 # Of BETWEEN: what finer cells are to hang by; that falls with their size, and grows where their nodes let more in
 AIM = 0.75
@@ -93,7 +94,7 @@ def between_note(contact: Contact, state: State) -> Remark | None:
     share, text, place = _between(contact, state, hung := _hung(contact, state), BETWEEN)
     if share <= BETWEEN or (part := _part_there(contact, state, hung, BETWEEN)) <= LITTLE:
         return None
-    there = f"{part:.0%} of the force acts there, and is too small" if np.isfinite(part) else "nothing presses on it yet"
+    there = f"{part:.0%} of the force acts there, {YIELDS}" if np.isfinite(part) else "nothing presses on it yet"
     return Remark(share, f"{place}: {text}; {there}: mesh it more finely, {_cells(_size(contact, state, hung))}")
 
 
@@ -103,7 +104,7 @@ def pierced_note(contact: Contact, state: State) -> Remark | None:
     if share <= PIERCED or _part_there(contact, state, hung, PIERCED) <= MOST:
         return None
     better = held_better(contact, _size(contact, state, hung))
-    return Remark(share, f"{place}: {text}; a third of the force or more is missing: {better}")
+    return Remark(share, f"{place}: {text}; most of the force acts there, {YIELDS} by a third or more: {better}")
 
 
 def pierced(contact: Contact, state: State) -> Finding | None:
