@@ -400,6 +400,17 @@ def test_a_tool_has_no_averages():
 
 
 # ---- an edge that is drawn along
+def sliding_ratios(result):
+    """|H/V| of the steps that end with all nodes slipping."""
+    slides = (result.column("c_sticking_points") == 0) & (result.column("c_force_x_N") != 0.0)
+    return np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))[slides]
+
+
+def share_aside(notes):
+    """The greatest share of the load by which notes say that the tangential force is off."""
+    return max(float(note.split("and ")[1].split(" of the load")[0]) for note in notes)
+
+
 def square_blade(master):
     """A blade with square edges, pressed on a stiffer sheet, or on a rigid plane, and drawn along: force ratios |H/V|."""
     sheet = {"sheet": ((-2.0, -2.0), (8.0, 2.0), (32, 4))} if master == "sheet_ymax" else {}
@@ -416,19 +427,18 @@ def square_blade(master):
         Stage("drag", prescribe={("blade_ymax", "x"): 2.0}, steps=12),
     ]
     result = solve(scene, stages=stages).require()
-    ratio = np.abs(result.column("c_force_x_N") / result.column("c_force_y_N"))
     edge = result.system.contacts[0].findings.pressing_edge(result.system.state)  # what a verdict would name
-    return ratio[-1], [note for note in result.verdict.notes if "lean" in note], edge
+    return sliding_ratios(result), [note for note in result.verdict.notes if "lean" in note], edge
 
 
 @pytest.mark.parallel
 def test_an_edge_of_the_slave_that_presses_aside_is_named():
-    """Its facet leans by some 18 degrees, and friction lies in it: it is off by the share that acts aside, or up to twice
-    that; the tool's normals are right."""
+    """Its facet leans by some 18 degrees, and friction lies in it: it is off by the share that acts aside, as the master
+    bends little; the tool's normals are right."""
     ratio, notes, edge = square_blade("sheet_ymax")
     assert all("round the edge" in note and "contact 'c'" in note for note in notes)
-    first, worst = (float(note.split("touches, and ")[1].split("%")[0]) / 100.0 for note in notes)
-    assert first < worst < 0.5 - ratio < 2.0 * worst and "where this is worst" in notes[1]
+    assert "where this is worst" in notes[-1]
+    np.testing.assert_allclose(share_aside(notes), 0.5 - ratio.min(), rtol=0.05)
     assert edge.place == "contact 'c'" and "finer cells along it" in edge.remedy
     ratio, notes, edge = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
     np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
@@ -457,7 +467,29 @@ def dragged_block(slave, degree=1):
 def test_a_sharp_block_that_slides_presses_along_the_masters_normals(degree):
     """With edges rounded by 0.5 to 2 it has 0.416, either the slave, to 1 %: the energies balance there."""
     ratio, notes = dragged_block("block_ymin", degree)
-    assert not notes and 0.0 < 0.416 - ratio.mean() < ASIDE
+    assert 0.0 < 0.416 - ratio.mean() < 0.015
+    np.testing.assert_allclose(share_aside(notes), 0.416 - ratio.min(), atol=0.005)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_block_whose_edge_folds_is_told_how_far_its_friction_is_off(degree):
+    """Pressed by a fifth on what is flat and a thousand times as stiff: there H/V is the coefficient of friction."""
+    boxes = {"block": ((-2.0, 0.0), (4.0, 1.0), (12, 4)), "plate": ((-4.0, -1.0), (8.0, 1.0), (24, 3))}
+    mesh = read_gmsh(rectangles.build, rectangles=boxes)
+    bodies = Body(mesh, "block", neo_hooke(1.0, 3.0)), Body(mesh, "plate", neo_hooke(1e3, 3e3))
+    scene = Scene(*bodies, plane="strain", degree=degree)
+    scene.fix("plate_ymin")
+    scene.fix("block_ymax")
+    scene.contact("block_ymin", "plate_ymax", friction=0.2, name="c")
+    stages = [
+        Stage("press", prescribe={("block_ymax", "y"): -0.2}, steps=5),
+        Stage("drag", prescribe={("block_ymax", "x"): 0.6}, steps=5),
+    ]
+    result = solve(scene, stages=stages).require()
+    off, notes = 0.2 - sliding_ratios(result).min(), [note for note in result.verdict.notes if "lean" in note]
+    assert (off > ASIDE) == (degree == 2) == bool(notes)
+    if notes:
+        np.testing.assert_allclose(share_aside(notes), off, atol=1e-3)
 
 
 def test_a_sharp_block_that_digs_into_the_slave_is_told_how_far_its_friction_is_off():
@@ -465,7 +497,7 @@ def test_a_sharp_block_that_digs_into_the_slave_is_told_how_far_its_friction_is_
     np.testing.assert_allclose(ratio, 0.416, rtol=5e-3)
     assert not notes
     ratio, (note,) = dragged_block("pad_ymax", 2)  # there its edge makes the force ripple as it passes nodes
-    assert 0.02 < np.abs(ratio - 0.416).max() < float(note.split("up to ")[1].split("%")[0]) / 100.0
+    assert 0.02 < np.abs(ratio - 0.416).max() < float(note.split("up to ")[1].split(" of the load")[0])
     assert "an edge of which digs in" in note and "round the edge" in note
 
 

@@ -37,10 +37,10 @@ OVER_STIFFNESS = "times Young's modulus over a cell's height, the default being 
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
 LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
 # Likewise where all of a rough contact slides, so that its tangential force is friction's, and not what halves of a pressed
-# body hold against each other: sharp blocks dragged over pads have 0.02 ... 0.05 and are off by 0.02 ... 0.06 of their load.
-# Where the master's edge is what touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002
-# of the load, with 0.12 they are off by 0.04
-ASIDE = 0.02
+# body hold against each other: edges of the slave are off by just what acts aside there. Where the master's edge is what
+# touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002 of the load, with 0.12 they are
+# off by 0.04
+ASIDE = 0.005
 SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
 SMOOTH = "let the side without that edge be the slave"
 ROUND = "round the edge, with cells of a quarter of its radius"
@@ -92,10 +92,12 @@ def _led_note(contact: Contact, state: State, noise: float) -> Remark | None:
 
 
 def _lean(contact: Contact, state: State) -> tuple[float, float]:
-    """Shares of the contact's load by which what acts along the slave's normals, as pressure does, would change along the
+    """Shares of the contact's load by which the tangential force, that acts by the slave's normals, would change by the
     master's: where an edge of the slave touches, and all over. Collective."""
     sums = state.comm.allreduce(contact.led.lean(state))
-    at_ends, all_over = np.linalg.norm(sums[:6].reshape(2, 3), axis=1) / (sums[6] if sums[6] > 0.0 else np.inf)
+    size = sums[9] if sums[9] > 0.0 else np.inf
+    *aside, load = sums[:9].reshape(3, 3) / size
+    at_ends, all_over = np.linalg.norm(aside @ (np.eye(3) - np.outer(load, load)), axis=1)
     return float(at_ends), float(all_over)
 
 
@@ -105,26 +107,25 @@ def _degrees(lean: float) -> str:
 
 
 def _lean_note(contact: Contact, state: State) -> Remark | None:
-    """None, or that pressure acts along normals of the slave which are not the master's. Collective."""
+    """None, or that contact acts by normals of the slave which are not the master's. Collective."""
     (at_ends, all_over), comm = _lean(contact, state), state.comm
     if max(at_ends, all_over) <= ASIDE:
         return None
     status = contact.response(state).status
     sticks, slips = comm.allreduce(np.array([np.count_nonzero(status == STICK), np.count_nonzero(status == SLIP)]))
     slides = contact.rough and slips >= SEVERAL and not sticks
-    text = f"contact '{contact.name}': its pressure acts along normals of the slave that lean by"
+    text = f"contact '{contact.name}': it acts by normals of the slave that lean from those of '{contact.master_name}'"
     if at_ends > (ASIDE if slides else LEANS):
         return Remark(
             at_ends,
-            f"{text} {_degrees(at_ends)} from those of '{contact.master_name}': an edge of the slave is what touches, and "
-            f"{at_ends:.1%} of the load acts aside; by so much, or up to twice that, its tangential force is off; {SMOOTH}, "
-            f"{ROUND}, or let it meet an analytic tool",
+            f"{text}: an edge of the slave folds or is what touches, and {at_ends:.2g} of the load acts aside; by so much "
+            f"of the load its tangential force is off; {SMOOTH}, {ROUND}, or let it meet an analytic tool",
         )
     if slides and all_over > LEANS:
         return Remark(
             all_over,
-            f"{text} {_degrees(all_over)} from those of '{contact.master_name}', an edge of which digs in: its tangential "
-            f"force may be off by up to {all_over:.1%} of the load, changing as the edge passes the slave's nodes; {ROUND}",
+            f"{text}, an edge of which digs in: its tangential force may be off by up to {all_over:.2g} of the load, "
+            f"changing as the edge passes the slave's nodes; {ROUND}",
         )
     return None
 

@@ -146,19 +146,35 @@ class MortarPartner(OnFacets):
         return np.column_stack([trial.history.carried_on(share), further * averaged[1]]).ravel()
 
     def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
-        """Sums over this rank's samples of pressure times the difference of their normals from the master's, a vector of
-        those beside the slave's ends and creases and one of all, and last of the pressure, (7,) [force].
+        """Sums over this rank's samples of what acts aside, a vector of nodes in facets at the slave's ends and creases and
+        one of all, then of the load, a vector and its size, (10,) [force]: of forces the part across the master's normal,
+        and where nodes slip what that lacks of friction's law by the part along it, the load.
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
-        _, _, N, _, _ = self._laws.tractions(feet, trial)
+        _, status, N, T, _ = self._laws.tractions(feet, trial)
         around, slaves = self.places.around, feet.samples.slaves
-        each = np.where(around.number < 0, 0.0, -N[around.number])[slaves.facet]
-        share = np.where(feet.projection[1] != NONE, slaves.weights * feet.met[6], 0.0)
-        pressed, ends = (np.einsum("qc,qc->q", slaves.N, part) * share for part in (each, each * around.ends[slaves.facet]))
-        apart = pressed[:, None] * (feet.projection[5] - self.places.master_normals(feet))
+        number, facet = around.number[slaves.facet], slaves.facet
+        share = slaves.N * np.where(feet.projection[1] != NONE, slaves.weights * feet.met[6], 0.0)[:, None]
+        share = np.where(number < 0, 0.0, share)
+        p, t, slips = -N[number] * share, T[number] * share[..., None], (status == SLIP)[number]
+        ours, theirs = feet.projection[5][:, None], self.places.master_normals(feet)[:, None]
+        along = np.tile(ours, (1, number.shape[1], 1))
         if len(slaves.aside):
-            apart += ends[:, None] * np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[slaves.facet]])
-        apart = np.where(pressed[:, None] > 0.0, apart, 0.0)
-        at_ends = around.ends.any(axis=1)[slaves.facet]
-        return np.concatenate([apart[at_ends].sum(axis=0), apart.sum(axis=0), [pressed.sum()]])
+            more = np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[facet]])
+            along = along + around.ends[facet][..., None] * more[:, None]
+        # of what sticks no law tells the friction
+        force = p[..., None] * along - np.where(slips[..., None], t - _dot(ours, t) * ours, 0.0)
+        load = _dot(theirs, force)
+        apart, rubs = force - load * theirs, t - _dot(theirs, t) * theirs
+        size = np.maximum(p * np.linalg.norm(rubs, axis=2), 1e-300)
+        law = (np.where(slips, np.linalg.norm(t, axis=2), 0.0) / size)[..., None] * load * rubs
+        apart = np.where(p[..., None] > 0.0, apart + law, 0.0)
+        near = np.isin(number, np.unique(around.number[around.ends.any(axis=1)]))
+        all_over = [part.sum(axis=(0, 1)) for part in (apart, load * theirs)]
+        return np.concatenate([apart[near].sum(axis=0), *all_over, [load.sum()]])
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Products (..., 1) of vectors."""
+    return np.asarray((a * b).sum(axis=-1, keepdims=True))
