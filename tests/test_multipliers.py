@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Penalty, Scene, from_elastic, neo_hooke, read_gmsh, rigid_plane, solve
-from fenics_contact.meshes import box, two_blocks
+from fenics_contact import Body, Penalty, Scene, Stage, from_elastic, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import box, rectangles, two_blocks
 from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -125,6 +125,31 @@ def test_a_penalty_softer_than_the_body_says_what_it_costs():
     (note,) = (note for note in result.verdict.notes if note.startswith("contact 'z': its penalties change the force by"))
     said = float(note.split("about ")[1].split("%")[0]) / 100.0
     np.testing.assert_allclose(said, stiff / soft - 1.0, rtol=0.1)
+
+
+def pushed_to_and_fro(steps, **options):
+    """A block that friction alone holds, under dead loads: pressed, and pushed by 0.4 of that to and fro along it,
+    twice. Returns how far its top is off at the end of each of these stages."""
+    mesh = read_gmsh(rectangles.build, rectangles={"b": ((-2.0, 0.0), (4.0, 1.0), (8, 4))})
+    scene = Scene(Body(mesh, "b", neo_hooke(1.0, 3.0)), plane="strain")
+    scene.traction("b_ymax", (0, 0, 0))
+    scene.contact("b_ymin", rigid_plane((0, 0, 0), (0, 1, 0), name="floor"), friction=0.5, name="c", **options)
+    stages = [Stage("press", tractions={"b_ymax": (0, -0.2, 0)}, steps=steps)]
+    stages += [Stage(f"push {i}", tractions={"b_ymax": (0.08 * (-1) ** i, -0.2, 0)}, steps=steps) for i in range(4)]
+    top = {"top": lambda view: view.at("b_ymax").displacement[0]}
+    result = solve(scene, stages=stages, record=top).require()
+    assert not any("is not kept" in note for note in result.verdict.notes), result.verdict.notes
+    assert not any("cut-back" in note for note in result.verdict.notes), result.verdict.notes
+    np.testing.assert_allclose(result.column("c_force_x_N")[-1], 0.32, rtol=1e-6)  # by statics
+    return np.array(result.column("top"))[2 * steps - 1 :: steps]
+
+
+@pytest.mark.parametrize("allowed", [1e-3, 1e-5])
+def test_a_block_that_friction_alone_holds_does_not_fly(allowed):
+    """What multipliers take over acts twice at first: beyond friction's limit, where it holds by four fifths of that."""
+    stiff = pushed_to_and_fro(3, penalty=Penalty(factor=1e5))  # by which the elastic slip is some 1e-6
+    for steps in (3, 6):
+        np.testing.assert_allclose(pushed_to_and_fro(steps, penetration=allowed), stiff, atol=allowed)
 
 
 class Stumbling(Newton):

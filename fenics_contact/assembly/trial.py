@@ -9,6 +9,7 @@ from fenics_contact.kernels.law import Friction
 from fenics_contact.types import Anchors, Bools, Floats, Ints
 
 PRESENT: Floats = np.empty(0)
+ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 SMOOTH = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), np.empty((0, 2)), np.empty((0, 3)))  # no friction
 # Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.
 DRAWN = 1e-10

@@ -137,6 +137,11 @@ class MortarPartner(OnFacets):
         share[turned, 1:] = 0.0  # it sticks before it slides that way
         return (foreseen + share * (found - foreseen)).ravel()
 
+    def deciding(self, feet: MortarFeet, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
+        """See `Partner.deciding`: these gaps, and the ways that friction had (4 ns,)."""
+        averaged, *_, pulled = self._laws.tractions(feet, before)
+        return np.column_stack([gaps, pulled / self._laws.stick(averaged, trial)]).ravel()
+
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps, shifts added, carried on from those of the last accepted step by a share of the change in it, and ways
         (4 ns,) that decide at the start of the next."""

@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_contact.assembly.term import State
-from fenics_contact.assembly.trial import Trial
+from fenics_contact.assembly.trial import ENDLESS, Trial
+from fenics_contact.contact.friction import allowed
+from fenics_contact.kernels.status import OPEN, STICK
 from fenics_contact.types import Floats
+
+CLEAR = 2.0  # times the friction of points that are held: what they could hold
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -37,6 +41,25 @@ class Multipliers:
         """Multipliers that take over what the penalty carries; a point that supports lead no force can hold out."""
         response, shift = self._contact.response(state), self._contact.trial.history.shift
         return np.where(self._contact.led.points(state), shift, np.minimum(response.cover * (response.gap + shift), 0.0))
+
+    def held(self, state: State, before: Trial) -> Trial:
+        """The present trial, judged until `release` so that what pressed and stuck in balance under the trial `before` does.
+
+        At the state at hand what multipliers have just taken over acts twice, until the next solve takes it off the penalty:
+        there a point may be past its limit of friction, or pull, that is neither in the balance to come; and where all slip
+        nothing holds a body.
+        """
+        contact, trial = self._contact, self._contact.trial
+        feet, found = contact.places.feet(state), contact.response(state, before)
+        pressed = (before.law.eps_n / trial.law.eps_n)[:, None] * (found.gap + before.history.shift)
+        gaps, wide = np.where(found.status != OPEN, pressed, found.gap + trial.history.shift), np.ones_like(pressed)
+        trial = trial.judging(contact.partner.deciding(feet, before, trial, gaps, wide))
+        if not trial.rough:
+            return trial
+        pull = contact.forces.split_traction(state, trial.with_friction(ENDLESS))[1]
+        limit = allowed(contact.partner.friction(feet, trial), contact.forces.split_traction(state, before)[0], pull)
+        np.divide(CLEAR * np.linalg.norm(pull, axis=2), limit, out=wide, where=(found.status == STICK) & (limit > 0.0))
+        return trial.judging(contact.partner.deciding(feet, before, trial, gaps, np.maximum(wide, 1.0)))
 
     def augmented(self, state: State, pressure: float = 1.0, friction: float = 1.0) -> Trial:
         """Multipliers have taken over shares of the pressure and of the friction that the penalty carries."""

@@ -128,6 +128,11 @@ class Partner(ContactPartner, Protocol):
 
     def response(self, feet: Any, trial: Trial) -> Response: ...
 
+    def deciding(self, feet: Any, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
+        """What decides in a trial, as `Trial.judged` has it: gaps (ne, nq), shifts added, and that points slip as they did
+        under the trial `before`, where limits of friction `wide` (ne, nq) times as great let them stick."""
+        ...
+
     def add_forces(self, feet: Any, response: Response, residual: Floats, tool_residual: Floats) -> None: ...
 
     def on_slave(self, feet: Any, response: Response) -> tuple[Floats, Floats]:
@@ -188,6 +193,10 @@ class PointPressures:
 
     def put_sites(self, values: dict[str, Array]) -> None:
         """Nothing to take up."""
+
+    def deciding(self, feet: Any, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
+        """See `Partner.deciding`: by so much greater pressures, for ways decide as they are."""
+        return (wide * gaps).ravel()
 
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""

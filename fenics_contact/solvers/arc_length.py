@@ -153,7 +153,7 @@ class ArcLength:
     def _balance(self, system: System, arc: Arc, resample: bool) -> ArcReport:
         """resample: have samples follow the surfaces once. While the out-of-balance force is large, contact pressures are
         foreseen as in Newton's steps: straight on along its rate, a path beside a curved tool touches nothing."""
-        report, foresight = ArcReport(), system.foresight
+        report, foresight, least = ArcReport(), system.foresight, 1 if resample else 2  # what points are held by is let go
         before = relative_residual(system, followed=True)
         while True:
             side, size = self._load_side(system)
@@ -162,7 +162,7 @@ class ArcLength:
             if foreseen := size > HELD:
                 foresight.foresee(system.state)
             anew, resample = resample and foresight.resample(system.state), False
-            if balanced(system, size, self.tolerance) and not anew:
+            if balanced(system, size, self.tolerance) and not anew and report.iterations >= least:
                 return report
             if report.iterations >= self.limit:
                 raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")

@@ -1,6 +1,6 @@
 """Steps solved again with better multipliers, until no error is left that matters, or with greater penalties."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -103,9 +103,7 @@ class Augmented(Corrected[Goal, Report]):
         """Augment and solve again with greater penalties of those due. False, and back in the same place, where that
         fails."""
         place = _Place(system, report)
-        _take_over(system, shares)
-        for contact in due:
-            contact.take(contact.penalties.under_multipliers(system.state))
+        _take_over(system, shares, due)
         try:
             report.add(self.stepper.settle(system, goal))
         except StepFailed as failure:
@@ -156,10 +154,15 @@ class _Raising:
         return open_to
 
 
-def _take_over(system: System, shares: tuple[float, float]) -> None:
-    """Multipliers take over shares of the pressure and the friction that the penalties carry."""
+def _take_over(system: System, shares: tuple[float, float], due: Sequence[ContactTerm] = ()) -> None:
+    """Multipliers take over shares of the pressure and the friction that the penalties carry, which grow for those due; what
+    sticks does so in the next solve. Collective."""
     for contact in system.augmented:
+        before = contact.trial
         contact.take(contact.multipliers.augmented(system.state, *shares))
+        if contact in due:
+            contact.take(contact.penalties.under_multipliers(system.state))
+        contact.take(contact.multipliers.held(system.state, before))
 
 
 class _Place:

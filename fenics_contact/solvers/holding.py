@@ -11,8 +11,9 @@ from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
+from fenics_contact.assembly.trial import ENDLESS
 from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, turning_point
-from fenics_contact.solvers.slipping import ENDLESS, used_share
+from fenics_contact.solvers.slipping import used_share
 from fenics_contact.solvers.softness import damping
 from fenics_contact.types import Floats, Mat, Vec
 

@@ -26,8 +26,13 @@ def solve_once(
     """One tangent solve with the assembled residual, and the update of the state. trials: see System.assemble_tangent."""
     system.assemble_tangent(trials=trials)
     increment = linear.solve(du, dq, tolerance)
-    moved = max(increment[0].norm(PETSc.NormType.NORM_INFINITY), np.abs(increment[1]).max(initial=0.0))
-    if not moved <= FARTHEST * system.extent + max(np.abs(du).max(initial=0.0), np.abs(dq).max(initial=0.0)):
+    if flies(system, increment, max(np.abs(du).max(initial=0.0), np.abs(dq).max(initial=0.0))):
         raise StepFailed("the tangent is singular: an increment is not finite or far larger than the bodies")
     system.update(*increment)
     return increment
+
+
+def flies(system: System, increment: Solution, driven: float = 0.0) -> bool:
+    """Whether an increment moves anything farther than FARTHEST allows, beside what is driven [length]. Collective."""
+    moved = max(increment[0].norm(PETSc.NormType.NORM_INFINITY), np.abs(increment[1]).max(initial=0.0))
+    return not moved <= FARTHEST * system.extent + driven

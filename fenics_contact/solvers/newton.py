@@ -10,7 +10,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.cycles import StatusWatch
 from fenics_contact.solvers.gripping import first_solve
-from fenics_contact.solvers.increment import solve_once
+from fenics_contact.solvers.increment import flies, solve_once
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
@@ -100,6 +100,9 @@ class Newton:
             gain, before, size = self._corrected(averages=True)[1], np.inf, _finite_residual(system)
             while BELOW * self.tolerance < size < gain * before:
                 before, size = size, self._correct(system, du, dq, size, report)
+            if balanced(system, size, self.tolerance):  # and without what they hold
+                system.foresight.release()
+                size = _finite_residual(system)
             if balanced(system, size, self.tolerance):
                 report.residuals.append(size)
                 return report
@@ -181,6 +184,8 @@ class Newton:
         except LinearFailure:
             return size
         self._secants.improve(du, dq)
+        if flies(system, (du, dq)):  # a tangent next to singular
+            return size
         report.corrections += 1
         system.update(du, dq)
         corrected = _finite_residual(system)
@@ -299,6 +304,7 @@ class Incremental:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         solve_once(system, self.linear, du, dq)
+        system.foresight.release()
         system.foresight.resample(system.state)
         return StepReport(1, [relative_residual(system)])
 

@@ -2,10 +2,10 @@
 
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import ENDLESS
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
-from fenics_contact.solvers.slipping import ENDLESS
 from fenics_contact.solvers.softness import rolled_back
 from fenics_contact.solvers.verdict import StepFailed
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import ENDLESS
 from fenics_contact.solvers.motions import Motion
 from fenics_contact.types import Floats
 
-ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 NEARBY = 1e-3  # of a contact's deepest penetration: a motion that opens none of its points, but for those that hardly press
 SWEEPS = 50  # of reweighted least squares; each share is one that a motion has, so that fewer only find less
 LEAST = 1e-6  # of the fastest point's: a slower one, at the centre of a turn, weighs as one of that

@@ -37,6 +37,7 @@ class Snes:
         du, dq = system.begin_step(t)
         system.assemble_residual()
         first_solve(system, self.linear, du, dq)
+        system.foresight.release()
         if not again:
             system.foresight.resample(system.state)
         report = StepReport(1, [relative_residual(system)])
