@@ -128,8 +128,8 @@ def test_a_penalty_softer_than_the_body_says_what_it_costs():
 
 
 def pushed_to_and_fro(steps, **options):
-    """A block that friction alone holds, under dead loads: pressed, and pushed by 0.4 of that to and fro along it,
-    twice. Returns how far its top is off at the end of each of these stages."""
+    """A block that friction alone holds, under dead loads: pressed, and pushed by 0.4 of that to and fro, twice. Returns the
+    result, and how far its top is off at the end of each of these stages."""
     mesh = read_gmsh(rectangles.build, rectangles={"b": ((-2.0, 0.0), (4.0, 1.0), (8, 4))})
     scene = Scene(Body(mesh, "b", neo_hooke(1.0, 3.0)), plane="strain")
     scene.traction("b_ymax", (0, 0, 0))
@@ -141,15 +141,24 @@ def pushed_to_and_fro(steps, **options):
     assert not any("is not kept" in note for note in result.verdict.notes), result.verdict.notes
     assert not any("cut-back" in note for note in result.verdict.notes), result.verdict.notes
     np.testing.assert_allclose(result.column("c_force_x_N")[-1], 0.32, rtol=1e-6)  # by statics
-    return np.array(result.column("top"))[2 * steps - 1 :: steps]
+    return result, np.array(result.column("top"))[2 * steps - 1 :: steps]
 
 
 @pytest.mark.parametrize("allowed", [1e-3, 1e-5])
 def test_a_block_that_friction_alone_holds_does_not_fly(allowed):
     """What multipliers take over acts twice at first: beyond friction's limit, where it holds by four fifths of that."""
-    stiff = pushed_to_and_fro(3, penalty=Penalty(factor=1e5))  # by which the elastic slip is some 1e-6
+    _, stiff = pushed_to_and_fro(3, penalty=Penalty(factor=1e5))  # by which the elastic slip is some 1e-6
     for steps in (3, 6):
-        np.testing.assert_allclose(pushed_to_and_fro(steps, penetration=allowed), stiff, atol=allowed)
+        np.testing.assert_allclose(pushed_to_and_fro(steps, penetration=allowed)[1], stiff, atol=allowed)
+
+
+@pytest.mark.parametrize("steps", [3, 6])
+@pytest.mark.parametrize("penalty", [None, Penalty(factor=1e3)])
+def test_penalties_do_not_change_a_force_that_statics_give(steps, penalty):
+    """Points come back to where they were when they slipped last: they stick there, on their limit of friction."""
+    result, _ = pushed_to_and_fro(steps, penalty=penalty)
+    assert result.summary["penalty_error"]["contacts"]["c"]["force_change_over_load"] < 1e-6
+    assert not any("change the force" in note for note in result.verdict.notes)
 
 
 class Stumbling(Newton):

@@ -17,7 +17,7 @@ from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH
 from fenics_contact.kernels.mortar_rates import Products, foreseen_averages, node_products
 from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
-from fenics_contact.kernels.status import SLIP
+from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Array, Floats, Ints64
 
 
@@ -138,9 +138,11 @@ class MortarPartner(OnFacets):
         return (foreseen + share * (found - foreseen)).ravel()
 
     def deciding(self, feet: MortarFeet, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
-        """See `Partner.deciding`: these gaps, and the ways that friction had (4 ns,)."""
-        averaged, *_, pulled = self._laws.tractions(feet, before)
-        return np.column_stack([gaps, pulled / self._laws.stick(averaged, trial)]).ravel()
+        """See `Partner.deciding`: these gaps, and the ways of what stuck by the friction that it had (4 ns,)."""
+        averaged, status, *_, pulled = self._laws.tractions(feet, before)
+        now = self._laws.averaged(feet, trial.history.anchors)[1]
+        ways = np.where((status == STICK)[:, None], pulled / self._laws.stick(averaged, trial), now)
+        return np.column_stack([gaps, ways]).ravel()
 
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps, shifts added, carried on from those of the last accepted step by a share of the change in it, and ways

@@ -42,14 +42,14 @@ class Multipliers:
         response, shift = self._contact.response(state), self._contact.trial.history.shift
         return np.where(self._contact.led.points(state), shift, np.minimum(response.cover * (response.gap + shift), 0.0))
 
-    def held(self, state: State, before: Trial) -> Trial:
-        """The present trial, judged until `release` so that what pressed and stuck in balance under the trial `before` does.
+    def held(self, state: State, trial: Trial, before: Trial) -> Trial:
+        """A trial judged, until `release`, so that what presses and sticks under the trial `before` does so.
 
         At the state at hand what multipliers have just taken over acts twice, until the next solve takes it off the penalty:
         there a point may be past its limit of friction, or pull, that is neither in the balance to come; and where all slip
         nothing holds a body.
         """
-        contact, trial = self._contact, self._contact.trial
+        contact = self._contact
         feet, found = contact.places.feet(state), contact.response(state, before)
         pressed = (before.law.eps_n / trial.law.eps_n)[:, None] * (found.gap + before.history.shift)
         gaps, wide = np.where(found.status != OPEN, pressed, found.gap + trial.history.shift), np.ones_like(pressed)

@@ -162,7 +162,7 @@ def _take_over(system: System, shares: tuple[float, float], due: Sequence[Contac
         contact.take(contact.multipliers.augmented(system.state, *shares))
         if contact in due:
             contact.take(contact.penalties.under_multipliers(system.state))
-        contact.take(contact.multipliers.held(system.state, before))
+        contact.take(contact.multipliers.held(system.state, contact.trial, before))
 
 
 class _Place:

@@ -56,6 +56,13 @@ def sensitivities(
     return found
 
 
+def _varied(system: System, vary: Vary, s: float) -> Trials:
+    """Trials at a parameter s in which points press and stick as at 0: where one is on its limit of friction, or about to
+    open, rates of both sides are not those of one tangent. Collective."""
+    of = {term: (vary(term, s), vary(term, 0.0)) for term in system.contacts}
+    return {term: term.multipliers.held(system.state, *trials) for term, trials in of.items()}
+
+
 def _along(system: System, vary: Vary, du: Floats, dq: Floats) -> Sensitivity:
     """What changes along the rates of the displacement, a local array, and of the tools. Collective."""
     u, q = system.state.u.x.array.copy(), system.state.q.copy()
@@ -72,7 +79,7 @@ def _along(system: System, vary: Vary, du: Floats, dq: Floats) -> Sensitivity:
 def _at(system: System, vary: Vary, s: float, u: Floats, q: Floats) -> list[tuple[Floats, Floats]]:
     """Resultants of the contacts at a parameter, a displacement and tools' coordinates. Collective."""
     state, place = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
-    trials = {term: vary(term, s) for term in system.contacts}
+    trials = _varied(system, vary, s)
     state.u.x.array[:], state.q[:] = u, q
     with system.foresight.trying(trials):
         found = [term.forces.resultants(state) for term in system.contacts]
@@ -91,7 +98,7 @@ def _rates(
     system: System, linear: LinearSolver, varied: Sequence[Vary], tolerance: float
 ) -> list[tuple[Floats, Floats]] | None:
     """du/ds, a local array, and dq/ds of the tools' coordinates by each parameter; None where the tangent is singular."""
-    trials = [[{term: vary(term, s) for term in system.contacts} for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
+    trials = [[_varied(system, vary, s) for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
     sides = []
     for ahead, _, behind in trials:
         (force, tools), (less, tools_less) = (_out_of_balance(system, at) for at in (ahead, behind))
