@@ -163,7 +163,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     summary["node_error"] = node_summary(nodes, scene.units)
-    astray = [term.name for term, error in misfits(system).items() if error > ASTRAY] if verdict.converged else []
+    left = misfits(system) if verdict.converged else {}
+    astray = {term.name: term.penalties.remedy for term, error in left.items() if error > ASTRAY}
     if not any(
         contact.findings.misstated(system.state) for contact in system.contacts
     ):  # of which first order tells nothing

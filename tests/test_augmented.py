@@ -303,6 +303,7 @@ def test_a_penetration_out_of_reach_is_said_and_the_step_ends_in_balance():
     raised, note = report.said  # in vain, for want of points that the facets could follow
     assert "contact 'c': multipliers gained too little" in raised
     assert "contact 'c': penetration= is not kept" in note and f"off by {left:.3g}" in note and "may be by 1e-09" in note
+    assert "Penalty(factor=10000), a hundred times the default" in note and "leave its penalty= out" not in note
     assert system.assemble_residual() <= 1e-8 * system.scales.forces  # Newton's tolerance
     system.trail.commit()
 

@@ -115,6 +115,9 @@ def test_what_ends_far_from_its_penetration_does_not_vouch_for_its_force():
     assert force < 0.9 * boxed(5000.0, 0.3, penetration=1e-6)[0]
     said = [note for note in result.verdict.notes if "its force may be far off" in note]
     assert len(said) == 3 and all("leave its penalty= out" in note for note in said)
+    for axis in "xyz":  # the first step that ends so is a note, and how many more do
+        first, more = (note for note in result.verdict.notes if f"contact '{axis}': penetration= is not kept" in note)
+        assert "leave its penalty= out" in first and "more steps, the last one" in more
     assert not any("change the force by" in note for note in result.verdict.notes)
 
 

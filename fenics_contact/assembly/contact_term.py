@@ -86,7 +86,10 @@ class ContactPlaces(Protocol):
 
 
 class ContactPenalties(Protocol):
-    """Trials with other penalties."""
+    """Trials with other penalties; remedy: what to state where multipliers do not get there with these."""
+
+    @property
+    def remedy(self) -> str: ...
 
     def raised(self, state: State, strain: Callable[[], float], noise: float) -> tuple[Trial, str] | None: ...
 

@@ -80,6 +80,14 @@ class Penalties:
     def __init__(self, contact: Contact, law: Law, adapts: tuple[bool, bool]) -> None:
         self._contact, self._first, self._adapts = contact, law, adapts
 
+    @property
+    def remedy(self) -> str:
+        """What to state where multipliers do not get to their penetration= with these."""
+        if self._adapts[0]:
+            return f"state a Penalty(factor={100 * PENALTY_FACTOR:g}), a hundred times the default, beside penetration="
+        out = "leave its penalty= out, which is then raised as multipliers need it"
+        return f"{out}, or state a Penalty(factor=...) a hundred times as great beside penetration="
+
     def stated(self, comm: MPI.Comm) -> tuple[float, float]:
         """Least and greatest of stated normal penalties over E/h; the default's of those that are not. Collective."""
         if self._adapts[0]:

@@ -28,10 +28,6 @@ ROUGH = 0.03  # of a load: what some six cells across a contact leave as well (d
 # Of a load; a shorter lever makes up for a part: of 4 % that are said 1 is true, of 9 % 3, of 20 ... 60 % nearly all
 MISSED = 0.05
 STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it penetration=, a smaller one where it has one"
-KEPT = (
-    "leave its penalty= out, which is then raised as multipliers need it, or state a Penalty(factor=...) a hundred times as "
-    "great beside penetration="
-)
 SOFT = 0.95  # of a load, to first order: beyond that the penalties' springs are a twentieth as stiff as the bodies, or less
 
 # of what is not accounted for: what more of it a contact's pressures, or turns, leave is to be its cause
@@ -251,7 +247,7 @@ def penalty_notes(
     travel: Mapping[str, float],
     units: Units,
     greatest: Mapping[str, float],
-    astray: Collection[str] = (),
+    astray: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
     """A note per contact whose penalties cost more than COSTLY of its load, and per tool that is so far off by them, as a
     share of its greatest travel {name: [length]}.
@@ -259,7 +255,7 @@ def penalty_notes(
     greatest: of each contact the greatest load in any step [force]: one that has been let off, or barely touches, with less
     than COSTLY of the greatest of all, has what balance and multipliers have left, of which the penalties may hold all, or
     what matters to none; astray: contacts that end far from
-    their penetration=, of which no first order tells what that costs.
+    their penetration=, of which no first order tells what that costs, and what to do.
 
     Where points that would pull, and open before, have most of the change, few carry, and no first order tells what the
     penalties cost.
@@ -272,7 +268,7 @@ def penalty_notes(
         share, load = max(e["force_change_over_load"], abs(e["load_change_over_load"])), e[f"load_{units.force}"]
         if name in astray:
             text = "its force may be far off, for it ends far from the penetration= asked for"
-            notes.append(f"contact '{name}': {text}; {KEPT}")
+            notes.append(f"contact '{name}': {text}; {astray[name]}")
         elif share * load > COSTLY * max(load, least) and e["opening_over_load"] < MOST * share:
             about = f"about {share / (1.0 - share):.1%}" if share < SOFT else f"more than {SOFT / (1.0 - SOFT):.0%}"
             notes.append(f"contact '{name}': its penalties change the force by {about} of the load; {STIFFER}")

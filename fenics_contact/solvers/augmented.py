@@ -8,7 +8,7 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import MEMORY, TOO_SOFT
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.report import AugmentedTo, Corrected, Goal, Report, StepReport
+from fenics_contact.solvers.report import UNKEPT, AugmentedTo, Corrected, Goal, Report, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 
 Shares = tuple[tuple[float, float], ...]  # of pressure and friction
@@ -31,8 +31,7 @@ BRIEF = 3  # so many where multipliers have come to that earlier in the same ste
 # cell deep, leaves 2 E times its area (100 E / h is the default penalty), the force of tens of points at a strain of a tenth
 BALANCED = 1e-2
 
-# Shares of pressure and friction that multipliers take over, tried one after the other where Newton does not get along: at
-# the state at hand a point's friction grows by its share, and where that exceeds the limit the point slips at first
+# Shares of pressure and friction that multipliers take over, tried one after the other where Newton does not get along
 SHARES: Shares = ((1.0, 1.0), (0.5, 0.5), (0.25, 0.25), (0.125, 0.125), (0.5, 0.0), (0.125, 0.0))
 PATIENCE = 3  # attempts at a step, cut back in between, after which it is taken with what multipliers have reached
 
@@ -72,13 +71,13 @@ class Augmented(Corrected[Goal, Report]):
             due = raising.due(system, left := misfits(system), report.residuals[-1])
             report.misfits.append(max(left.values()))
             if report.misfits[-1] <= 1.0:
-                report.unkept |= {term.name: "" for term in system.augmented}
+                report.unkept |= {term.name: (0.0, "") for term in system.augmented}
                 return report
             balanced = report.residuals[-1] <= BALANCED
             if balanced and (best is None or report.misfits[-1] < best.misfit):
                 best = _Place(system, report)
             if report.augmentations == self.limit or _stalled(report.misfits, patience):
-                failure, self._spent = _exhausted(report), step
+                failure, self._spent = _exhausted(system, report), step
                 if best is None:
                     raise failure
                 return best.accept(system, report, failure)
@@ -191,10 +190,10 @@ class _Place:
             if worst > 1.0 and term.penetration is not None:
                 off, allowed = worst * term.penetration, term.penetration
                 left = f"off by {off:.3g}, in depth or by slip in stick, and may be by {allowed:.3g}"
-                remedy = "leave its penalty= out or state a greater one, take fewer points= per facet, or allow more"
-                report.unkept[term.name] = f"penetration= is not kept, a point is {left} ({failure}); {remedy}"
+                remedy = f"{term.penalties.remedy}, take fewer points= per facet, or allow more"
+                report.unkept[term.name] = off, f"{UNKEPT}, a point is {left} ({failure}); {remedy}"
             else:
-                report.unkept[term.name] = ""
+                report.unkept[term.name] = 0.0, ""
         return report
 
 
@@ -222,11 +221,11 @@ def _stalled(misfits: list[float], patience: int) -> bool:
     return len(misfits) > patience and min(misfits[-patience:]) > GAIN * min(misfits[:-patience])
 
 
-def _exhausted(report: StepReport) -> StepFailed:
+def _exhausted(system: System, report: StepReport) -> StepFailed:
     left, first = report.misfits[-1], report.misfits[0]
     text = f"{report.augmentations} augmentations left {left:.3g} times the penetration allowed, of {first:.3g} at first"
-    remedy = "raise penalty= of the augmented contacts or leave it to the default, take fewer points= per facet"
-    return StepFailed(text, TOO_SOFT, remedy=remedy)
+    ways = dict.fromkeys(contact.penalties.remedy for contact in system.augmented)
+    return StepFailed(text, TOO_SOFT, remedy=", or ".join([*ways, "take fewer points= per facet"]))
 
 
 class Adapted(Corrected[Goal, Report]):

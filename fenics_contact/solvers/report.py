@@ -6,6 +6,8 @@ from typing import Generic, Protocol, TypeVar
 
 from fenics_contact.assembly.system import System
 
+UNKEPT = "penetration= is not kept"  # words of the note
+
 
 @dataclass
 class StepReport:
@@ -13,8 +15,8 @@ class StepReport:
     followed it, the number of corrections, solved with the factorisation at hand, and what was resolved on the way; of
     augmented contacts the number of augmentations, and before each and at the end the error over what is allowed; raises:
     how often the step was solved again with other penalties; jumped: damped motion has carried it there, by `way` [length];
-    unkept: what is left of augmented contacts' errors, by name, "" where nothing is that matters; raised: by name what is to
-    be said of penalties raised beneath multipliers."""
+    unkept: of augmented contacts' errors, by name, the greatest [length] and what is to be said, "" where nothing is that
+    matters; raised: by name what is to be said of penalties raised beneath multipliers."""
 
     iterations: int = 0
     residuals: list[float] = field(default_factory=list)
@@ -25,14 +27,24 @@ class StepReport:
     raises: int = 0
     jumped: bool = False
     way: float = 0.0
-    unkept: dict[str, str] = field(default_factory=dict)
+    unkept: dict[str, tuple[float, str]] = field(default_factory=dict)
     raised: dict[str, str] = field(default_factory=dict)
 
     @property
     def said(self) -> list[str]:
         """The notes, those on what is left of errors last."""
-        left = [*self.raised.items(), *self.unkept.items()]
-        return self.notes + [f"contact '{name}': {words}" for name, words in left if words]
+        return [*self.done, *self.left]
+
+    @property
+    def done(self) -> list[str]:
+        """Those on what the step did."""
+        return self.notes + [f"contact '{name}': {words}" for name, words in self.raised.items() if words]
+
+    @property
+    def left(self) -> dict[str, tuple[str, float]]:
+        """{a note on what is left of errors: its kind, and the greatest [length]}."""
+        of = ((f"contact '{name}': ", off, words) for name, (off, words) in self.unkept.items() if words)
+        return {f"{whose}{words}": (f"{whose}{UNKEPT}", off) for whose, off, words in of}
 
     def add(self, more: "StepReport") -> None:
         """What solving the step once more took; corrections alone belong to the last tangent before them."""

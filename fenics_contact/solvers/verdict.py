@@ -107,8 +107,10 @@ class Verdict:
         self.corrections += report.corrections
         self.augmentations += report.augmentations
         self.residuals.append(report.residuals)
-        for note in report.said:
+        for note in report.done:
             self.note(note, next((kind for words, kind in ALIKE.items() if words in note), ""), report.way)
+        for note, (kind, size) in report.left.items():
+            self.note(note, kind, size)
         for term in system.terms:
             self.remark_on(term.name, term.findings.remarks(system.state, system.scales.noise))
 
