@@ -138,10 +138,11 @@ class MortarPartner(OnFacets):
         return (foreseen + share * (found - foreseen)).ravel()
 
     def deciding(self, feet: MortarFeet, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
-        """See `Partner.deciding`: these gaps, and the ways of what stuck by the friction that it had (4 ns,)."""
+        """See `Partner.deciding`: these gaps, and the ways (4 ns,) of what stuck by the friction that it had; of what is to
+        slip the farther."""
         averaged, status, *_, pulled = self._laws.tractions(feet, before)
         now = self._laws.averaged(feet, trial.history.anchors)[1]
-        ways = np.where((status == STICK)[:, None], pulled / self._laws.stick(averaged, trial), now)
+        ways = np.where((status == STICK)[:, None], pulled / self._laws.stick(averaged, trial), now / np.minimum(wide, 1.0))
         return np.column_stack([gaps, ways]).ravel()
 
     def carried_on(self, trial: Trial, share: float) -> Floats:

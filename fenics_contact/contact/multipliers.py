@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import ENDLESS, Trial
 from fenics_contact.contact.friction import allowed
-from fenics_contact.kernels.status import OPEN, STICK
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.types import Floats
 
 CLEAR = 2.0  # times the friction of points that are held: what they could hold
@@ -42,8 +42,9 @@ class Multipliers:
         response, shift = self._contact.response(state), self._contact.trial.history.shift
         return np.where(self._contact.led.points(state), shift, np.minimum(response.cover * (response.gap + shift), 0.0))
 
-    def held(self, state: State, trial: Trial, before: Trial) -> Trial:
-        """A trial judged, until `release`, so that what presses and sticks under the trial `before` does so.
+    def held(self, state: State, trial: Trial, before: Trial, slipping: float = 1.0) -> Trial:
+        """A trial judged, until `release`, so that what presses and sticks under the trial `before` does so; slipping: times
+        the limit of friction of points that slip, which they are on: what less of it lets slip, too.
 
         At the state at hand what multipliers have just taken over acts twice, until the next solve takes it off the penalty:
         there a point may be past its limit of friction, or pull, that is neither in the balance to come; and where all slip
@@ -59,7 +60,8 @@ class Multipliers:
         pull = contact.forces.split_traction(state, trial.with_friction(ENDLESS))[1]
         limit = allowed(contact.partner.friction(feet, trial), contact.forces.split_traction(state, before)[0], pull)
         np.divide(CLEAR * np.linalg.norm(pull, axis=2), limit, out=wide, where=(found.status == STICK) & (limit > 0.0))
-        return trial.judging(contact.partner.deciding(feet, before, trial, gaps, np.maximum(wide, 1.0)))
+        wide = np.where(found.status == SLIP, slipping, np.maximum(wide, 1.0))
+        return trial.judging(contact.partner.deciding(feet, before, trial, gaps, wide))
 
     def augmented(self, state: State, pressure: float = 1.0, friction: float = 1.0) -> Trial:
         """Multipliers have taken over shares of the pressure and of the friction that the penalty carries."""

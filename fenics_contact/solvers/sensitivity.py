@@ -13,6 +13,7 @@ from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Vec
 
+SLIPPING = 0.5  # of the limit of friction: what slips does so on both sides of its state
 NUDGE = 1e-4  # over which forces are differenced: few statuses change, far above round-off of the gaps
 LINEAR = 1e-4  # relative residual of an iterative solve: an extrapolation itself is good to some percent
 
@@ -57,10 +58,10 @@ def sensitivities(
 
 
 def _varied(system: System, vary: Vary, s: float) -> Trials:
-    """Trials at a parameter s in which points press and stick as at 0: where one is on its limit of friction, or about to
-    open, rates of both sides are not those of one tangent. Collective."""
+    """Trials at a parameter s in which points press, stick and slip as at 0: where one is on its limit of friction, or about
+    to open, rates of both sides are not those of one tangent. Collective."""
     of = {term: (vary(term, s), vary(term, 0.0)) for term in system.contacts}
-    return {term: term.multipliers.held(system.state, *trials) for term, trials in of.items()}
+    return {term: term.multipliers.held(system.state, *trials, SLIPPING) for term, trials in of.items()}
 
 
 def _along(system: System, vary: Vary, du: Floats, dq: Floats) -> Sensitivity:
@@ -98,14 +99,15 @@ def _rates(
     system: System, linear: LinearSolver, varied: Sequence[Vary], tolerance: float
 ) -> list[tuple[Floats, Floats]] | None:
     """du/ds, a local array, and dq/ds of the tools' coordinates by each parameter; None where the tangent is singular."""
-    trials = [[_varied(system, vary, s) for s in (NUDGE, 0.0, -NUDGE)] for vary in varied]
+    trials = [[_varied(system, vary, s) for s in (NUDGE, -NUDGE)] for vary in varied]
     sides = []
-    for ahead, _, behind in trials:
+    for ahead, behind in trials:
         (force, tools), (less, tools_less) = (_out_of_balance(system, at) for at in (ahead, behind))
         force.axpy(-1.0, less)
         force.scale(0.5 / NUDGE)
         sides.append((force, (tools - tools_less) / (2.0 * NUDGE), *system.still()))
-    with system.foresight.trying(trials[0][1]):
+    here = {term: varied[0](term, 0.0) for term in system.contacts}  # the tangent of what presses, not of what is held
+    with system.foresight.trying(here):
         system.assemble_residual()
         system.assemble_tangent()
     try:
