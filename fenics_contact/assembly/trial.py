@@ -39,7 +39,8 @@ class History:
     their gaps do [length]; slip_path (ne, nq): way slid so far [length]; met (ne, nq): whether a point has been in contact;
     gaps: with shifts, when a step was last accepted and before (ne nq,) [length]; raised (ne, 2): how much greater the
     penalties are than at first, and how much they may become at most; feet: where the points were when a step was last
-    accepted, as the master sees them; faced: most area that has been in contact and lay over the master at once [length^2].
+    accepted, as the master sees them; rubbed (ne, nq): way on which friction has worked in this run [length]; faced: most
+    area that has been in contact and lay over the master at once [length^2].
     """
 
     anchors: Anchors
@@ -51,6 +52,7 @@ class History:
     gaps: tuple[Floats, Floats]
     raised: Floats
     feet: Any
+    rubbed: Floats
     faced: float = 0.0
 
     def carried_on(self, share: float) -> Floats:

@@ -7,6 +7,7 @@ from fenics_contact.contact.meeting import MortarFeet
 from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import own
+from fenics_contact.contact.partner import worked
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
@@ -70,12 +71,15 @@ class NodeAnchors:
         grown, slips, pulled = self._grown(feet, trial)
         return np.where((status.ravel() == STICK) & grown, np.linalg.norm(slips - pulled, axis=1), 0.0)[:, None]
 
-    def slid(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
+    def slid(self, feet: MortarFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`; what the body's spring of a node covered in part gives way is no slip, as in `resting`."""
         ways, rested = self._rested(feet, trial.history.rests)
-        averaged, _, _, T, _ = self._laws.tractions(feet, trial)
-        slip = ways - (1.0 - self._laws.softened(averaged, trial)[:, None]) * T / self._laws.stick(averaged, trial)
-        return np.where((status.ravel() == SLIP) & rested, np.linalg.norm(slip, axis=1), 0.0)[:, None]
+        averaged, _, _, T, pulled = self._laws.tractions(feet, trial)
+        stick = self._laws.stick(averaged, trial)
+        slip = ways - (1.0 - self._laws.softened(averaged, trial)[:, None]) * T / stick
+        slips = ((status.ravel() == SLIP) & rested)[:, None]
+        slid, rubbed = np.linalg.norm(slip, axis=1), worked(pulled / stick, slip)
+        return np.where(slips, slid[:, None], 0.0), np.where(slips, rubbed[:, None], 0.0)
 
     def augmented(self, feet: MortarFeet, trial: Trial, status: Ints, share: float) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking nodes a traction greater by a share of eps_T times slip."""

@@ -78,8 +78,9 @@ class Anchoring(Protocol):
 
     def slips(self, feet: Any, trial: Trial, status: Ints) -> Floats: ...
 
-    def slid(self, feet: Any, trial: Trial, status: Ints) -> Floats:
-        """How far points that slip (ne, nq) have come from where they rested last, 0 for others [length]."""
+    def slid(self, feet: Any, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
+        """How far points that slip (ne, nq) have come from where they rested last, 0 for others, and the way on which their
+        friction has worked: with the multipliers that it has now it turns into the way's direction as it slips [length]."""
         ...
 
     def augmented(self, feet: Any, trial: Trial, status: Ints, share: float) -> Anchors: ...
@@ -149,6 +150,12 @@ class Partner(ContactPartner, Protocol):
     def lean(self, feet: Any, trial: Trial) -> Floats: ...
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
+
+
+def worked(pulled: Floats, slip: Floats) -> Floats:
+    """The way (...) on which friction works while its trial traction over eps_T grows by the slip (..., 3) to pulled
+    (..., 3): the integral of its direction along the slip [length]."""
+    return np.linalg.norm(pulled, axis=-1) - np.linalg.norm(pulled - slip, axis=-1)
 
 
 class SingleAnchors:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_contact.assembly.trial import Trial
-from fenics_contact.contact.partner import SingleAnchors
+from fenics_contact.contact.partner import SingleAnchors, worked
 from fenics_contact.contact.rigid_places import RigidFeet
 from fenics_contact.kernels.rigid_element import committed_anchors
 from fenics_contact.kernels.status import SLIP, STICK
@@ -36,10 +36,12 @@ class RigidAnchors(SingleAnchors):
         """What the penalty gave way in stick (ne, nq) [length]."""
         return np.linalg.norm(self._slip(feet, trial, trial.history.rests, status == STICK), axis=2)
 
-    def slid(self, feet: RigidFeet, trial: Trial, status: Ints) -> Floats:
+    def slid(self, feet: RigidFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`."""
-        ways = np.linalg.norm(self.here(feet, trial)[0] - trial.history.rests[0], axis=2)
-        return np.where(status == SLIP, ways, 0.0)
+        slips, rests = status == SLIP, trial.history.rests
+        ways = np.linalg.norm(self.here(feet, trial)[0] - rests[0], axis=2)
+        pulled, slip = (self._slip(feet, trial, anchors, slips) for anchors in (trial.history.anchors, rests))
+        return np.where(slips, ways, 0.0), worked(pulled, slip)
 
     def _slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
         """Slip (ne, nq, 3) of some points since they were at rest, in the tool's frame [length]; 0 for others."""

@@ -79,7 +79,7 @@ class Contact(ContactTerm):
         far = np.full(ne * nq, min(self.places.search, np.finfo(float).max))
         raised = np.tile([1.0, LARGEST if penetration is None else STIFFEST], (ne, 1))
         zero = np.zeros((ne, nq))
-        start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None)
+        start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None, zero)
         first = partner.anchors.here(self.places.first_feet(state), Trial(law, start, surface.area))
         start = replace(start, anchors=first, rests=first, before=first, feet=self.places.feet(state))
         self.accepted = self.trial = Trial(law, start, surface.area)
@@ -145,12 +145,13 @@ class Contact(ContactTerm):
             here, stuck = anchors.resting(feet, trial), response.status == STICK
             rests = anchors.chosen(stuck, rests, here)
         kept, slid = anchors.committed(feet, trial)
+        rubbed = slid
         if self.penetration is not None:  # multipliers have moved the anchors since the step began; rests have stayed
-            slid = anchors.slid(feet, trial, response.status)
+            slid, rubbed = anchors.slid(feet, trial, response.status)
         gaps = (response.gap + h.shift).ravel(), h.gaps[0]
         met, path = h.met | (response.status != OPEN), h.slip_path + slid
         self.trial = self.accepted = trial.remembering(
-            anchors=kept, rests=rests, before=h.anchors, slip_path=path, met=met, gaps=gaps,
+            anchors=kept, rests=rests, before=h.anchors, slip_path=path, rubbed=h.rubbed + rubbed, met=met, gaps=gaps,
             feet=feet, faced=max(h.faced, self._facing(state, feet, met)),
         )  # fmt: skip
 
@@ -191,7 +192,7 @@ class Contact(ContactTerm):
         h, points = self.accepted.history, self.surface.area.shape
         packed = self.partner.anchors.packed
         out = packed(h.anchors, h.feet, "anchor") | packed(h.rests, h.feet, "rest") | self.partner.sites(h.feet)
-        out |= {"slip_path": h.slip_path, "met": h.met, "raised": h.raised}
+        out |= {"slip_path": h.slip_path, "rubbed": h.rubbed, "met": h.met, "raised": h.raised}
         if self.partner.foresees:
             out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
         return out if self.penetration is None else out | {"shift": h.shift}
@@ -204,7 +205,9 @@ class Contact(ContactTerm):
         anchors, rests = (self.partner.anchors.unpacked(values, name) for name in ("anchor", "rest"))
         gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.partner.foresees else h.gaps
         h = replace(h, anchors=anchors, rests=rests, before=anchors, slip_path=values["slip_path"], met=values["met"])
-        h = replace(h, raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=feet)
+        h = replace(
+            h, rubbed=values["rubbed"], raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=feet
+        )
         h = replace(h, faced=self._facing(state, feet, h.met))
         self.trial = self.accepted = self.penalties.with_raised(Trial(self.accepted.law, h, self.surface.area))
 

@@ -149,12 +149,12 @@ def anchors_since_rest(
     s = P(n) (x_M - x_rest) is the slip since a point came to rest; rests: like anchors, places x_rest.  (share, 1) is
     Uzawa's update of friction, for points that stick.  (factor - 1, factor) lets points that stick or slip go on as they
     do where the penalty grows: their traction is the same at rest.  Returns nodes and weights, on the points' present
-    facets, and ways (np,) [length]: |s| of points that stick, |x_M - x_rest| of those that slip; anchors of other points
-    stay, and their ways are 0.
+    facets, and ways (np, 2) [length]: |s| of points that stick, |x_M - x_rest| of those that slip, and |T_T^tr| / eps_T less
+    what it is at rest; anchors of other points stay, and their ways are 0.
     """
     coords, slaves, surface, projection, anchors = pairs
     resting = coords, slaves, surface, projection, rests
-    nodes, weights, ways = anchors[0].copy(), anchors[1].copy(), np.zeros(len(anchors[0]))
+    nodes, weights, ways = anchors[0].copy(), anchors[1].copy(), np.zeros((len(anchors[0]), 2))
     eps_t, (share, factor) = law[1], grown
     for q in range(len(ways)):
         if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
@@ -165,7 +165,9 @@ def anchors_since_rest(
             continue
         rested = place_apart(q, resting)
         slip = less(rested.w, dot(pair.n, rested.w), pair.n)
-        ways[q] = norm(slip) if found.status == STICK else norm(rested.w)
+        ways[q, 0] = norm(slip) if found.status == STICK else norm(rested.w)
+        pulled = times(1.0 / eps_t[q], found.trial)
+        ways[q, 1] = norm(pulled) - norm(minus(pulled, slip))
         if found.status == STICK or factor != 1.0:
             _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
             slide_anchor(q, pair, plus(found.trial, times(share * eps_t[q], slip)), factor * eps_t[q], weights)
