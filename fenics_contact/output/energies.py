@@ -9,7 +9,7 @@ from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.section import Section, adding_up
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.term import Term
+from fenics_contact.assembly.term import State, Term
 from fenics_contact.types import Floats
 
 
@@ -36,33 +36,44 @@ class Energies:
 
 
 @dataclass(frozen=True)
-class _Acting:
-    """What a contact's pressures, or its friction, ask of this rank: forces on local dofs and wrenches on the tools
-    (tools, 6) that hold against them; stored: energy in their penalties."""
+class _Rubbing:
+    """Of a contact's points (ne, nq): largest friction tractions; ways on which they have worked; areas."""
+
+    limit: Floats
+    way: Floats
+    area: Floats
+
+    @classmethod
+    def of(cls, contact: ContactTerm, state: State) -> "_Rubbing":
+        return cls(contact.forces.limits(state), contact.trial.history.rubbed, contact.surface.area)
+
+    def work(self, last: "_Rubbing") -> float:
+        """Of friction since the last state: what slides does so at the limit."""
+        return float((0.5 * (self.limit + last.limit) * (self.way - last.way) * self.area).sum())
+
+
+@dataclass(frozen=True)
+class _Pressing:
+    """What a contact's pressures ask of this rank: forces on local dofs and wrenches on the tools (tools, 6) that hold
+    against them; stored: energy in their penalties."""
 
     on_dofs: Floats
     wrenches: Floats
     stored: float
 
     @classmethod
-    def pressing(cls, contact: ContactTerm, system: System) -> "_Acting":
+    def of(cls, contact: ContactTerm, system: System) -> "_Pressing":
         on_dofs, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
         stored = contact.forces.press(system.state, on_dofs, wrenches)
         return cls(on_dofs, wrenches, stored)
-
-    def rubbing(self, contact: ContactTerm, system: System) -> "_Acting":
-        """Of friction, all that acts less these pressures."""
-        on_dofs, wrenches = -self.on_dofs, -self.wrenches
-        contact.add_residual(system.state, on_dofs, wrenches)
-        return _Acting(on_dofs, wrenches, contact.forces.stored(system.state) - self.stored)
 
 
 @dataclass(frozen=True)
 class _Forces:
     """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs,
     of each term of loads and of all supports, (parts, dofs), and wrenches on the tools; ratios by which bodies swell and the
-    rates of this rank's energy with them; energies of the bodies and stored in all penalties; by contact what acts in
-    friction and in pressures."""
+    rates of this rank's energy with them; energies of the bodies and stored in all penalties; by contact its Rubbing and
+    Pressing."""
 
     u: Floats
     q: Floats
@@ -72,8 +83,8 @@ class _Forces:
     on_ratios: Floats
     strain: float
     stored: float
-    rubbing: dict[str, _Acting]
-    pressing: dict[str, _Acting]
+    rubbing: dict[str, _Rubbing]
+    pressing: dict[str, _Pressing]
 
 
 class EnergyBalance:
@@ -120,7 +131,7 @@ class EnergyBalance:
     def advance(self, jumped: bool) -> Energies:
         """The Energies at the state just accepted; jumped: damped motion has led there. Collective."""
         system, last, here = self._system, self._last, self._forces()
-        works, rubbed = self._works(last, here), self._taken(last.rubbing, here.rubbing, last, here)
+        works, rubbed = self._works(last, here)
         friction = {name: self.now.friction[name] + more for name, more in zip(here.rubbing, rubbed, strict=True)}
         left = self._left(last, here)
         pressures = {name: self.now.pressures[name] + more for name, more in zip(here.pressing, left, strict=False)}
@@ -140,32 +151,29 @@ class EnergyBalance:
         self._last, self.now = here, now
         return now
 
-    def _works(self, start: _Forces, end: _Forces) -> Floats:
-        """Work between two states, of each part of the outer forces, swelling and tools, (parts + 2,). Collective."""
-        owned = end.on_dofs.shape[1]
+    def _works(self, start: _Forces, end: _Forces) -> tuple[Floats, Floats]:
+        """Work between two states, of each part of the outer forces, swelling and tools, (parts + 2,), and of friction, by
+        rough contact. Collective."""
+        parts, owned = end.on_dofs.shape
         outer = 0.5 * (start.on_dofs + end.on_dofs) @ (end.u - start.u)[:owned]
         swelling = 0.5 * (start.on_ratios + end.on_ratios) @ (end.ratios - start.ratios)
-        sums = self._system.comm.allreduce(np.array([*outer, swelling]))
+        rubbed = [rubbing.work(start.rubbing[name]) for name, rubbing in end.rubbing.items()]
+        sums = self._system.comm.allreduce(np.array([*outer, swelling, *rubbed]))
         tools = self._work_on_tools(start.wrenches, end.wrenches, start, end)
-        return np.append(sums, tools)
+        return np.append(sums[: parts + 1], tools), sums[parts + 1 :]
 
     def _left(self, start: _Forces, end: _Forces) -> Floats:
         """By contact the work against its pressures less what their penalties took of it, and, last, all of the work less
         what bodies, penalties and friction took, (contacts + 1,). Collective."""
-        rubbed = self._taken(start.rubbing, end.rubbing, start, end).sum()
+        works, rubbed = self._works(start, end)
         taken = end.strain + end.stored - start.strain - start.stored
-        return np.append(
-            self._taken(start.pressing, end.pressing, start, end), self._works(start, end).sum() - rubbed - taken
-        )
+        return np.append(self._left_by_pressures(start, end), works.sum() - rubbed.sum() - taken)
 
-    def _taken(self, firsts: dict[str, _Acting], seconds: dict[str, _Acting], start: _Forces, end: _Forces) -> Floats:
-        """By contact the work against what acts at two states less what its penalties took of it, (contacts,). Collective.
-
-        By forces where they act: a node that comes into contact and goes out again within few steps is counted right.
-        """
-        left = np.zeros(len(seconds))
-        for i, (name, second) in enumerate(seconds.items()):
-            first = firsts[name]
+    def _left_by_pressures(self, start: _Forces, end: _Forces) -> Floats:
+        """By contact the work against its pressures less what their penalties took of it, (contacts,). Collective."""
+        left = np.zeros(len(end.pressing))
+        for i, (name, second) in enumerate(end.pressing.items()):
+            first = start.pressing[name]
             work = 0.5 * (first.on_dofs + second.on_dofs) @ (end.u - start.u)
             work += self._work_on_tools(first.wrenches, second.wrenches, start, end)
             left[i] = work - (second.stored - first.stored)
@@ -199,8 +207,6 @@ class EnergyBalance:
         system.supports.put_forces(forces[-1], np.where(system.supports.tied, 0.0, system.reactions))
         loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
         wrenches = np.where(system.tools.free, loads, system.tool_residual + loads)
-        pressing = {contact.name: _Acting.pressing(contact, system) for contact in system.contacts}
-        rough = [contact for contact in system.contacts if contact.rough]
         return _Forces(
             state.u.x.array.copy(),
             state.q.copy(),
@@ -209,6 +215,6 @@ class EnergyBalance:
             *system.terms[0].swelling(),
             system.strain_energy(),
             self._stored(),
-            {contact.name: pressing[contact.name].rubbing(contact, system) for contact in rough},
-            pressing,
+            {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
+            {contact.name: _Pressing.of(contact, system) for contact in system.contacts},
         )
