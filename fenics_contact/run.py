@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from os import PathLike
 from typing import Any
 
@@ -118,7 +118,7 @@ def solve(
     system = built.system
     plans = plans_of(scene, built, stated, schedules, numerics)
     told = partial(statement, scene, built, stated, extra)
-    left = partial(drives_left, system, built.driven, scene, parts_of(scene, system))
+    left = partial(drives_left, system, built.driven, scene, cache(partial(parts_of, scene, system)))
     refuse_unlike(system.comm, told([1.0] * len(stated)))
     steppers = [(plan.path, plan.softened) for plan in plans]
     keeper = Keeper(output, system, steppers, told, left) if output.checkpoint else None

@@ -27,6 +27,7 @@ class CellValues:
         self._scene, cell = scene, compat.cell_name(domain)
         # Of degree 1 strains are most accurate at the centre
         self._points = np.array([centre_of(cell), *(inner_points(cell) if scene.degree > 1 else [])])
+        self._inner = slice(1 if scene.degree > 1 else 0, None)  # those that patches take
         self._gradient = compat.cell_evaluator(domain, vp.deformation_gradient(u, scene.section), self._points[:1])
         self._stresses = [
             (self._cells(body), compat.cell_evaluator(domain, vp.cauchy_stress(law, u, scene.section), self._points))
@@ -54,25 +55,20 @@ class CellValues:
         Collective."""
         if not self._patches:
             mesh = self._scene.mesh.domain
-            flat, table = (
+            flat, element = (
                 compat.lagrange_space(mesh, 1),
-                compat.tabulate(
-                    compat.basix_element(compat.cell_name(mesh), geometry_degree(mesh)), 0, self._inner(self._points)
-                )[0],
+                compat.basix_element(compat.cell_name(mesh), geometry_degree(mesh)),
             )
+            table = compat.tabulate(element, 0, self._points[self._inner])[0]
             for of_body, _ in self._stresses:
                 own = of_body[of_body < len(self.owned)]
                 places = np.einsum("kn,cnx->ckx", table, mesh.geometry.x[compat.geometry_dofmap(mesh)[own]])
                 self._patches.append((own, Patches(flat, own, places)))
         out = []
         for (_, evaluate), (own, patches) in zip(self._stresses, self._patches, strict=True):
-            found = self._inner(np.moveaxis(evaluate(own).reshape(len(own), len(self._points), 9), 1, 0))
-            out.append((patches.nodes, patches.fitted(np.moveaxis(found, 0, 1)).reshape(-1, 3, 3)))
+            found = evaluate(own).reshape(len(own), len(self._points), 9)[:, self._inner]
+            out.append((patches.nodes, patches.fitted(found).reshape(-1, 3, 3)))
         return out
-
-    def _inner(self, at_points: Floats) -> Floats:
-        """Of what there is at the points, first index, what patches take."""
-        return at_points if len(self._points) == 1 else at_points[1:]
 
 
 class ContactFields:

@@ -96,3 +96,8 @@ def inner_points(cell: str) -> Floats:
     """Points (n, dim) of the reference cell at which strains of displacements of degree 2 are most accurate: Gauss'."""
     degree = 2 if cell in ("tetrahedron", "triangle") else 3
     return np.asarray(basix.make_quadrature(getattr(basix.CellType, cell), degree)[0])
+
+
+def corner_weights(cell: str, degree: int) -> Floats:
+    """Weights (nodes, corners) of a cell's corners in its nodes of a degree, between which what is linear is their mean."""
+    return np.asarray(compat.tabulate(compat.basix_element(cell, 1), 0, compat.basix_element(cell, degree).points)[0])

@@ -31,11 +31,8 @@ class Patches:
         self._X, all_of = space.tabulate_dof_coordinates()[:, :dim], range(dim)
         away = [self._away(i) for i in all_of]
         ones = np.full(self._corners.shape, float(points.shape[1]))
-        firsts, seconds = (
-            (way.sum(axis=2) for way in away),
-            ((away[i] * away[j]).sum(axis=2) for i in all_of for j in all_of),
-        )
-        sums = self._summed([ones, *firsts, *seconds], self._corners)
+        products = (away[i] * away[j] for i in all_of for j in all_of)
+        sums = self._summed([ones, *(part.sum(axis=2) for part in (*away, *products))], self._corners)
         self.nodes = np.flatnonzero(sums[:, 0] > 0.0)
         self._count = np.maximum(sums[:, 0], 1.0)
         self._mean = sums[:, 1 : dim + 1] / self._count[:, None]

@@ -12,6 +12,7 @@ from fenics_contact.assembly.size import bodies_size
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.grid import bodies_of_cells
 from fenics_contact.output.names import plain_name
+from fenics_contact.output.places import corner_weights
 from fenics_contact.output.tool_surfaces import tool_surface
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.symmetry import planes_of
@@ -45,7 +46,7 @@ class Look:
     """
 
     label: str
-    values: "Values"
+    values: Values
     on_contact: bool = False
     kind: str = "amount"
     contact: str = ""
@@ -154,8 +155,7 @@ def _of_bodies(fields: Fields, part: Callable[[Floats], Floats]) -> Values:
     for mine, (nodes, stress) in zip(values, fields.by_body, strict=True):
         mine[nodes] = part(np.where(np.abs(stress) > least, stress, 0.0))
     body, corners = bodies_of_cells(scene)[:, None], compat.cell_dofs(space)
-    cell = compat.cell_name(scene.mesh.domain)
-    table = compat.tabulate(compat.basix_element(cell, 1), 0, compat.basix_element(cell, scene.degree).points)[0]
+    table = corner_weights(compat.cell_name(scene.mesh.domain), scene.degree)
     return lambda cells, nodes: values[body[cells], corners[cells]] @ table[nodes].T
 
 
@@ -171,15 +171,14 @@ def _tiles(cell: str, degree: int, facet: int) -> tuple[Ints, Floats]:
     nodes = np.arange(len(element.points)) if facet == FACE else np.array(element.entity_closure_dofs[side][facet])
     ring = corners if facet == FACE else corners[basix.topology(kind)[side][facet]]
     ring = ring[[0, 1, 3, 2]] if len(ring) == 4 else ring
-    middles = 0.5 * (ring + np.roll(ring, -1, axis=0))
     if len(ring) == 2:
-        at = ring[None, [0, 1, 1, 0]] if degree == 1 else np.stack([[a, middles[0], middles[0], a] for a in ring])
+        middle = ring.mean(axis=0)
+        at = ring[None, [0, 1, 1, 0]] if degree == 1 else np.stack([[a, middle, middle, a] for a in ring])
         at[1:] = at[1:, [0, 3, 2, 1]]
     elif degree == 1:
         at = ring[None, [0, 1, 2, len(ring) - 1]]
     else:
-        centre = np.broadcast_to(ring.mean(axis=0), ring.shape)
-        at = np.stack([ring, middles, centre, np.roll(middles, 1, axis=0)], axis=1)
+        at = quarters(ring[None])
     table = compat.tabulate(element, 0, at.reshape(-1, dim))[0]
     table = np.where(np.abs(table - np.rint(table)) < FLAT, np.rint(table), table)  # at a node its own value, not rounded
     return nodes.astype(np.int32), table[:, nodes].reshape(len(at), 4, len(nodes))
@@ -305,11 +304,12 @@ def _meets(tiles: Floats, low: Floats, high: Floats) -> Bools:
 
 
 def quarters(corners: Floats) -> Floats:
-    """Each of the facets (n, 4, ...) cut into four; the quarter i of a facet holds its corner i, as the first of its own."""
+    """Each of the facets (n, 4, ...) cut into four, or triangles (n, 3, ...) into three; part i of a facet holds its corner
+    i, as the first of its own four."""
     middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
-    centre = np.repeat(corners.mean(axis=1, keepdims=True), 4, axis=1)
+    centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
     cut = np.stack([corners, middles, centre, np.roll(middles, 1, axis=1)], axis=2)
-    return cut.reshape(-1, *corners.shape[1:])
+    return cut.reshape(-1, 4, *corners.shape[2:])
 
 
 # -- symmetry -------------------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.size import extremes
 from fenics_contact.assembly.system import System
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
+from fenics_contact.output.places import corner_weights
 from fenics_contact.types import Bools, Floats, Ints, Ints64
 
 # How much a point is held, by its status code: of two the one that is held more shows.
@@ -125,8 +126,7 @@ class SlaveNodes:
         space = self._system.space
         if compat.degree(space) == 1:
             return at
-        cell = compat.cell_name(space.mesh)
-        table = compat.tabulate(compat.basix_element(cell, 1), 0, compat.basix_element(cell, 2).points)[0]
+        table = corner_weights(compat.cell_name(space.mesh), 2)
         dofs, many = compat.cell_dofs(space)[self.skin.cells], table.shape[1]
         known = np.column_stack([np.ones(len(at.on)), *(getattr(at, name) for name in MEANS), at.friction])
         rank, sums = RANK_OF_STATUS[at.status], compat.node_values(space, known.shape[1] + 1)

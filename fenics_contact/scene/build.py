@@ -90,8 +90,8 @@ class Beginning(NamedTuple):
 @dataclass(frozen=True)
 class Built:
     """A System, what is to be said of its start, terms of its loads alone, fluids too; all loads by name as functions of t,
-    the size of the displacement to begin with, and how it begins else; harder: of
-    those whose slave is HARDER times as stiff as the body that is its master, or more."""
+    the size of the displacement to begin with, and how it begins else; harder: names of the
+    contacts whose slave is HARDER times as stiff as the body that is its master, or more."""
 
     system: System
     notes: list[str]

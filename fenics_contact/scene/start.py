@@ -1,6 +1,6 @@
 """A run that starts from the last state of another one: what is kept of that, and taken up."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -54,7 +54,7 @@ class Start:
         return {name: LeftTool(*map(np.array, one)) for name, one in self.drives["tools"].items()}
 
 
-def drives_left(system: System, driven: Driven, scene: "Scene", parts: Statement) -> Drives:
+def drives_left(system: System, driven: Driven, scene: "Scene", parts: Callable[[], Statement]) -> Drives:
     """What holds a run's last state: {"loads": {name: [value, what the scene says of it]}, "supports": {name: what the scene
     says}, "tools": {name: LeftTool as lists}, "space": what displacements are of, "parts": as `parts_of`}. Collective."""
     state, end, motion = system.state, system.ending(), system.tools
@@ -64,7 +64,7 @@ def drives_left(system: System, driven: Driven, scene: "Scene", parts: Statement
     ends = zip(motion.names, end.q, end.forces, motion.points, turns, motion.free, said, strict=True)
     tools = {name: [part.tolist() for part in one] for name, *one in ends}
     supports = system.supports.entries.said()
-    return {"loads": loads, "supports": supports, "tools": tools, "space": _space(scene), "parts": parts}
+    return {"loads": loads, "supports": supports, "tools": tools, "space": _space(scene), "parts": parts()}
 
 
 def _space(scene: "Scene") -> dict[str, Any]:
@@ -145,8 +145,9 @@ def let_go(system: System, start: Start, scene: "Scene") -> str | None:
     out, scale = system.assemble_residual(), system.scales.balance
     if not out > JUMP * scale:
         return None
-    held = [f"support of {name}" for name in start.drives["supports"] if name not in system.supports.entries.said()]
-    causes = [f"{name} is not stated" for name in held] + unlike(start.drives.get("parts", {}), parts_of(scene, system))
+    here = system.supports.entries.said()
+    causes = [f"support of {name} is not stated" for name in start.drives["supports"] if name not in here]
+    causes += unlike(start.drives.get("parts", {}), parts_of(scene, system))
     why = f" ({'; '.join(causes)})" if causes else ""
     return (
         f"{start.name} ends out of balance in this scene, by {out / scale:.0%} of the largest force, for its scene did not "

@@ -130,9 +130,7 @@ def _loaded(system: System) -> set[int]:
         if term not in system.contacts and term is not system.grounding:
             mine = np.zeros_like(system.state.u.x.array)
             term.add_residual(system.state, mine, tools)
-            forces += mine.reshape(
-                -1, 3
-            )  # a node on a rank's border has a part on each: sums over ranks are right as they are
+            forces += mine.reshape(-1, 3)  # nodes on a rank's border have a part on each, as sums over ranks take them
             sizes += float(np.abs(mine).sum())  # term by term, for without contacts they balance
     largest = system.comm.allreduce(sizes)
     found = set()
