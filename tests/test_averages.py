@@ -411,8 +411,9 @@ def share_aside(notes):
     return max(float(note.split("and ")[1].split(" of the load")[0]) for note in notes)
 
 
-def square_blade(master):
-    """A blade with square edges, pressed on a stiffer sheet, or on a rigid plane, and drawn along: force ratios |H/V|."""
+def square_blade(master, steps=12):
+    """A blade with square edges, pressed on a stiffer sheet, or on a rigid plane, and drawn along in so many steps: force
+    ratios |H/V|, notes on its edge."""
     sheet = {"sheet": ((-2.0, -2.0), (8.0, 2.0), (32, 4))} if master == "sheet_ymax" else {}
     mesh = read_gmsh(rectangles.build, rectangles={"blade": ((0.0, 0.0), (1.0, 4.0), (4, 16)), **sheet})
     blade = Body(mesh, "blade", mooney_rivlin(0.3, 0.1, 8.0))
@@ -424,7 +425,7 @@ def square_blade(master):
     scene.contact("blade_ymin", master, friction=0.5, name="c")
     stages = [
         Stage("press", prescribe={("blade_ymax", "y"): -0.1}, steps=2),
-        Stage("drag", prescribe={("blade_ymax", "x"): 2.0}, steps=12),
+        Stage("drag", prescribe={("blade_ymax", "x"): 2.0}, steps=steps),
     ]
     result = solve(scene, stages=stages).require()
     edge = result.system.contacts[0].findings.pressing_edge(result.system.state)  # what a verdict would name
@@ -433,13 +434,16 @@ def square_blade(master):
 
 @pytest.mark.parallel
 def test_an_edge_of_the_slave_that_presses_aside_is_named():
-    """Its facet leans by some 18 degrees, and friction lies in it: it is off by the share that acts aside, as the master
-    bends little; the tool's normals are right."""
+    """Its facet leans by some 18 degrees: it presses and rubs as the master lay there when the step began, and turns on in
+    it until it slides. More steps mend that; the tool's normals are right."""
     ratio, notes, edge = square_blade("sheet_ymax")
+    np.testing.assert_allclose(ratio[-1], 0.5, rtol=2e-3)
     assert all("round the edge" in note and "contact 'c'" in note for note in notes)
     assert "where this is worst" in notes[-1]
-    np.testing.assert_allclose(share_aside(notes), 0.5 - ratio.min(), rtol=0.05)
-    assert edge.place == "contact 'c'" and "finer cells along it" in edge.remedy
+    assert share_aside(notes) > 0.5 - ratio.min() > 0.02 and edge is None
+    ratio, notes, edge = square_blade("sheet_ymax", 48)
+    np.testing.assert_allclose(ratio[1:], 0.5, rtol=0.01)
+    assert not notes and edge is None
     ratio, notes, edge = square_blade(rigid_plane((0, 0, 0), (0, 1, 0)))
     np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
     assert not notes and edge is None
@@ -467,8 +471,8 @@ def dragged_block(slave, degree=1):
 def test_a_sharp_block_that_slides_presses_along_the_masters_normals(degree):
     """With edges rounded by 0.5 to 2 it has 0.416, either the slave, to 1 %: the energies balance there."""
     ratio, notes = dragged_block("block_ymin", degree)
-    assert 0.0 < 0.416 - ratio.mean() < 0.015
-    np.testing.assert_allclose(share_aside(notes), 0.416 - ratio.min(), atol=0.005)
+    assert abs(ratio.mean() - 0.416) < (0.002 if degree == 1 else 0.01)
+    np.testing.assert_allclose(share_aside(notes), np.abs(ratio - 0.416).max(), atol=0.005)
 
 
 @pytest.mark.parametrize("degree", [1, 2])

@@ -114,7 +114,8 @@ class Response:
     traction (ne, nq, 3): T of (14) [pressure, per reference area], -T acts on the slave; gap (ne, nq) [length]; status (ne,
     nq): codes of kernels/status.py; cover (ne, nq): share of eps_n, below one where a point slides out under a sharp edge;
     forces: sums of area T at the nodes, as the master numbers them; split: pressure (ne, nq) and friction on the slave (ne,
-    nq, 3), where T is a mean over normals that may differ.
+    nq, 3), where T is a mean over normals that may differ; power (ne, nq): friction's over what it has on ways in the
+    slave's facets, where it acts in others.
     """
 
     traction: Floats
@@ -123,3 +124,4 @@ class Response:
     cover: Floats
     forces: Floats
     split: tuple[Floats, Floats] | None = None
+    power: Floats | None = None

@@ -116,10 +116,11 @@ def _lean_note(contact: Contact, state: State) -> Remark | None:
     slides = contact.rough and slips >= SEVERAL and not sticks
     text = f"contact '{contact.name}': it acts by normals of the slave that lean from those of '{contact.master_name}'"
     if at_ends > (ASIDE if slides else LEANS):
+        off = "by so much of the load its tangential force is off" if slides else "its tangential force may be off as far"
         return Remark(
             at_ends,
-            f"{text}: an edge of the slave folds or is what touches, and {at_ends:.2g} of the load acts aside; by so much "
-            f"of the load its tangential force is off; {SMOOTH}, {ROUND}, or let it meet an analytic tool",
+            f"{text}: an edge of the slave folds, or turns within a step where it is what touches, and {at_ends:.2g} of the "
+            f"load acts aside; {off}; take more steps, {SMOOTH}, {ROUND}, or let it meet an analytic tool",
         )
     if slides and all_over > LEANS:
         return Remark(

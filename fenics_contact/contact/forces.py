@@ -68,6 +68,11 @@ class Forces:
         law = contact.partner.friction(contact.places.feet(state), contact.trial)
         return allowed(law, *self.split_traction(state))
 
+    def rubs(self, state: State) -> Floats:
+        """The same, times what friction does more on ways in other planes than those of the slave's facets."""
+        power = self._contact.response(state).power
+        return self.limits(state) * (1.0 if power is None else power)
+
     def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
         """Add what the pressures alone give, friction apart; returns this rank's energy in their penalties."""
         alone = self._contact.trial.with_friction(0.0)

@@ -68,13 +68,14 @@ class MortarPartner(OnFacets):
 
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
-        forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 7)), self.surface.area
+        forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 9)), self.surface.area
         acting = N, T, self.places.around.number
         kernel.add_node_forces(self._pairs(feet, trial), acting, forces, sums)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
-        traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:] / area)[:, None])
-        return Response(traction, gap, status[:, None], cover, forces, split)
+        traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:7] / area)[:, None])
+        more = sums[:, 8:] / np.maximum(sums[:, 7:8], 1e-300)
+        return Response(traction, gap, status[:, None], cover, forces, split, 1.0 + more)
 
     def _pairs(self, feet: MortarFeet, trial: Trial) -> kernel.Pairs:
         return feet.pairs(self.places.facets, own(trial.history.anchors))
@@ -172,7 +173,7 @@ class MortarPartner(OnFacets):
             more = np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[facet]])
             along = along + around.ends[facet][..., None] * more[:, None]
         # of what sticks no law tells the friction
-        force = p[..., None] * along - np.where(slips[..., None], t - _dot(ours, t) * ours, 0.0)
+        force = p[..., None] * along - np.where(slips[..., None], t - _dot(along, t) * ours, 0.0)
         load = _dot(theirs, force)
         apart, rubs = force - load * theirs, t - _dot(theirs, t) * theirs
         size = np.maximum(p * np.linalg.norm(rubs, axis=2), 1e-300)

@@ -206,8 +206,9 @@ class Samples:
         metric = np.einsum("qac,qbc->qab", tangents, tangents)
         parts = np.linalg.solve(metric, np.einsum("qac,qc->qa", tangents, aside)[..., None])[..., 0]
         products, sums = (np.zeros((len(self.slaves.nodes), N.shape[1], k)) for k in (N.shape[1], 2))
-        np.add.at(products, facet, N[:, :, None] * N[:, None])
-        np.add.at(sums, facet, N[:, :, None] * parts[:, None])
+        weights = self.slaves.weights[:, None, None]
+        np.add.at(products, facet, weights * N[:, :, None] * N[:, None])
+        np.add.at(sums, facet, weights * N[:, :, None] * parts[:, None])
         return np.asarray(np.linalg.pinv(products, hermitian=True) @ sums)
 
     def steered(self, parts: Floats) -> "Samples":

@@ -167,7 +167,8 @@ def aside(q: int, slaves: Slaves, coords: Floats) -> Vector:
     then, over its part along the sample's own, as it was when the last step ended, and turning with the slave since.
 
     An edge of the slave digs into the master, whose surface bends around it. Along the slave's own normal its pressure would
-    push a body on that is drawn along, which leans otherwise in front than behind.
+    push a body on that is drawn along, which leans otherwise in front than behind. Friction acts across the same, as
+    (I - n (n + a)^T) T_T with the sample's normal n and this, a.
     """
     f, out = slaves.facet[q], ZERO
     for i in range(slaves.nodes.shape[1] if len(slaves.aside) else 0):
@@ -322,8 +323,9 @@ def _put_rows(rates: Floats, A: int, at: int, share: float, rows: tuple[Vector, 
 
 @njit(cache=True, error_model="numpy")
 def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) -> None:
-    """Add the virtual power of (14) to forces (nx, 3), and T, N, T_T of each slave node to its sums (ns, 7): each sample
-    presses along a normal of its own, so that T alone does not tell N from T_T.
+    """Add the virtual power of (14) to forces (nx, 3), and to the sums (ns, 9) of each slave node T, N, T_T, the square of
+    T_T and what it has more where friction acts aside: each sample presses along a normal of its own, so that T alone does
+    not tell N from T_T.
     """
     coords, slaves, surface, met, _ = pairs
     nodes, (N, T, number) = slaves.nodes, acting
@@ -331,7 +333,7 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
         if met[1][q] == NONE:
             continue
         f, total, tangential, n = slaves.facet[q], 0.0, ZERO, row(met[5], q)
-        more, at_ends = aside(q, slaves, coords), 0.0
+        more, at_ends, across = aside(q, slaves, coords), 0.0, 0.0
         for c in range(number.shape[1]):
             A = number[f, c]
             if A < 0 or (N[A] == 0.0 and T[A, 0] == 0.0 and T[A, 1] == 0.0 and T[A, 2] == 0.0):
@@ -341,13 +343,17 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
             along = plus(n, more) if slaves.ends[f, c] else n
             total += share * N[A]
             at_ends += share * N[A] * slaves.ends[f, c]
+            across += share * dot(along, t)
             tangential = less(tangential, -share, t)
-            pressed, rubbed = times(share * N[A], along), times(share, less(t, dot(n, t), n))
+            in_plane = less(t, dot(n, t), n)
+            rises = dot(along, t) - dot(n, t)
             sums[A, 3] += share * N[A]
+            sums[A, 7] += share * dot(in_plane, in_plane)
+            sums[A, 8] += share * rises * rises
             for a in range(3):
-                sums[A, a] += pressed[a] + rubbed[a]
-                sums[A, 4 + a] += rubbed[a]
-        force = plus(plus(times(total, n), times(at_ends, more)), less(tangential, dot(n, tangential), n))
+                sums[A, a] += share * (N[A] * along[a] + in_plane[a] - rises * n[a])
+                sums[A, 4 + a] += share * in_plane[a]
+        force = plus(plus(times(total, n), times(at_ends, more)), less(tangential, across, n))
         for i in range(nodes.shape[1]):
             add_row(forces, nodes[f, i], slaves.shape[q, i], force)
         g, corners = met[0][q], surface[0]

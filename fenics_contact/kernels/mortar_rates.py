@@ -90,18 +90,18 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
                 if feet[q] < 0:
                     continue
                 a, share, way, w = q * m + c, covers[q] * around, 0.0, ZERO
-                more = four(aside(q, slaves, coords) if slaves.ends[f, c] else ZERO)
+                normal, more = row(met[5], q), four(aside(q, slaves, coords) if slaves.ends[f, c] else ZERO)
                 if rough and anchor_nodes[a, 0] >= 0:
                     way, w = share, minus(got(met[10], q, 0), of_nodes(anchor_weights, a, anchor_nodes, coords))
                     for j in range(l):
                         _add_anchor(sums, known[blocks[anchor_nodes[a, j]]], -way * anchor_weights[a, j], rates, q)
                 for i in range(k):
                     _add_body(sums, known[blocks[nodes[f, i]]], share * table[q, i], way * table[q, i], rates, q)
-                    add_four(sums, known[blocks[nodes[f, i]]], FORCE, share * table[q, i], more)
+                    _add_aside(sums, known[blocks[nodes[f, i]]], share * table[q, i], normal, more)
                 for j in range(l):
                     part = -N[q, 0, j]
                     _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, rates, q)
-                    add_four(sums, known[blocks[corners[feet[q], j]]], FORCE, share * part, more)
+                    _add_aside(sums, known[blocks[corners[feet[q], j]]], share * part, normal, more)
                 turning = _turning(rates, q, (met[4][q], row(met[5], q)), w)
                 for b in range(m):
                     part = -shapes[q, b] / lengths[q]
@@ -161,6 +161,14 @@ def _add_master(sums: Floats, i: int, share: float, way: float, rates: Floats, q
         add_four(sums, i, r, share, four_of(rates, q, r))
     for r in range(DRAG, TURN):
         add_four(sums, i, r, way, four_plus(four_of(rates, q, r), -1.0, four_of(rates, q, r - DRAG + ACROSS)))
+
+
+@njit(cache=True)
+def _add_aside(sums: Floats, i: int, share: float, normal: Vector, more: Four) -> None:
+    """Add what a sample's forces have of what is added to its normal, along which it presses, across which it rubs."""
+    add_four(sums, i, FORCE, share, more)
+    for r in range(3):
+        add_four(sums, i, ACROSS + r, -share * normal[r], more)
 
 
 @njit(cache=True)

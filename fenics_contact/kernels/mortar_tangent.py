@@ -14,6 +14,7 @@ from fenics_contact.kernels.mortar import Acting, Met, Pairs, Slaves, aside
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, gathered, join, no_list
 from fenics_contact.kernels.mortar_rates import Products, Turned
 from fenics_contact.kernels.vectors import (
+    AXES,
     ZERO,
     Four,
     add_four,
@@ -34,24 +35,24 @@ Block = tuple[Four, Four, Four]
 Gathered = tuple[Ints64, Ints64]  # see `gathered`
 # List of the columns of a row, see `join`, and sums (n, 3, 4) of their blocks; of its normals alike
 Row = tuple[Ints64, Floats]
-Held = tuple[Bools, Floats]  # which samples press (np,), and their rates (np, 6, 4), see `held_rates`
+Held = tuple[Bools, Floats]  # which samples press (np,), and their rates (np, 8, 4), see `held_rates`
 FORCE, WHOLE, PRESS = 3, 4, 5
 NOUGHT = (0.0, 0.0, 0.0, 0.0)
-UNIT = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
 def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
     """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
-    corners, the force, the force if the sample were covered whole, and what ends press. lengths (np,): of the means."""
+    corners, the force, the force if the sample were covered whole, and three with what is added to the normal at ends.
+    lengths (np,): of the means."""
     (coords, slaves, _, met, _), (N, T, number) = pairs, acting
     weights, shapes = slaves.weights, slaves.N
-    presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 6, 4))
+    presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 8, 4))
     for q in range(len(presses)):
         f = slaves.facet[q]
         if met[1][q] == NONE:
             continue
-        total, at_ends, t, normal, part = 0.0, 0.0, ZERO, row(met[5], q), met[6][q]
+        total, at_ends, t, ends, normal, part = 0.0, 0.0, ZERO, ZERO, row(met[5], q), met[6][q]
         for c in range(shapes.shape[1]):
             A = number[f, c]
             if A >= 0:
@@ -59,18 +60,20 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
                 total += share * N[A]
                 at_ends += share * N[A] * slaves.ends[f, c]
                 t = less(t, -share, row(T, A))
+                ends = less(ends, -share * slaves.ends[f, c], row(T, A))
         if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
             continue
-        presses[q], across = True, dot(normal, t)
-        t = less(t, across, normal)
-        whole = plus(plus(times(total, normal), times(at_ends, aside(q, slaves, coords))), t)
-        scale, press = part / lengths[q], total - across
-        for a in range(3):  # -((N - n.t) P(n) - n t^T)
+        presses[q], across, more = True, dot(normal, t), aside(q, slaves, coords)
+        t, drawn = less(t, across, normal), dot(more, ends)
+        whole = plus(plus(times(total - drawn, normal), times(at_ends, more)), t)
+        scale, press = part / lengths[q], total - across - drawn
+        for a in range(3):  # -((N - n.t - a.t) P(n) - n t^T)
             lean = times(normal[a], plus(times(press, normal), t))
             put_four(rates, q, a, four(times(scale, less(lean, press, (1.0 * (a == 0), 1.0 * (a == 1), 1.0 * (a == 2))))))
         put_four(rates, q, FORCE, four(times(part, whole)))
         put_four(rates, q, WHOLE, four(whole))
-        put_four(rates, q, PRESS, (part * at_ends, 0.0, 0.0, 0.0))
+        for a in range(3):
+            put_four(rates, q, PRESS + a, four(less(times(part * at_ends, AXES[a]), part * normal[a], ends)))
     return presses, rates
 
 
@@ -100,7 +103,7 @@ def tangent_rows(
             for j in range(k):
                 block = blocks[slaves.nodes[ours[at] // k, j]]
                 n = join(block, listed, i, n)
-                _add(sums, listed[PLACE, block], asides[ours[at], j], UNIT)
+                _add(sums, listed[PLACE, block], 1.0, _block(asides, ours[at] * k + j))
         if bare:
             n = _uncover_slave(i, n, on_slave, *here)
         for at in range(master_rows[i], master_rows[i + 1]):
@@ -112,7 +115,7 @@ def tangent_rows(
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], -table[q, j], moved)
                 if len(asides):
-                    _add(sums, listed[PLACE, block], -part * rates[q, PRESS, 0] * slaves.aside[q, j], UNIT)
+                    _add(sums, listed[PLACE, block], -part * slaves.aside[q, j], _block(rates, q, PRESS))
             for j in range(l):
                 block = blocks[corners[met[0][q], j]]
                 n = join(block, listed, i, n)
@@ -154,19 +157,19 @@ def _patch_rows(products: Products, count: int) -> Gathered:
 @njit(cache=True)
 def _slave_leans(slaves: Slaves, held: Held) -> tuple[Floats, Floats]:
     """Rates of the held forces on the nodes of the slave's facets with the normals at their corners (k nf m, 3, 4), and with
-    the places of the facets' nodes, in which their directions have a part (k nf, k), of unit matrices; none (0, k) where
-    they have not."""
+    the places of the facets' nodes, in which their directions have a part (k nf k, 3, 4); none where they have not."""
     (presses, rates), table, shapes = held, slaves.shape, slaves.N
     k, m = table.shape[1], shapes.shape[1]
     turning = len(slaves.aside) > 0
-    leans, asides = np.zeros((k * len(slaves.nodes) * m, 3, 4)), np.zeros((k * len(slaves.nodes) if turning else 0, k))
+    places = k * len(slaves.nodes)
+    leans, asides = np.zeros((places * m, 3, 4)), np.zeros((places * k if turning else 0, 3, 4))
     for q in range(len(presses)):
         f = slaves.facet[q]
         for i in range(k if presses[q] else 0):
             for c in range(m):
                 _add(leans, (k * f + i) * m + c, table[q, i] * shapes[q, c], _block(rates, q))
             for j in range(k if turning else 0):
-                asides[k * f + i, j] += table[q, i] * rates[q, PRESS, 0] * slaves.aside[q, j]
+                _add(asides, (k * f + i) * k + j, table[q, i] * slaves.aside[q, j], _block(rates, q, PRESS))
     return leans, asides
 
 
@@ -237,9 +240,9 @@ def _uncover_slave(
 
 
 @njit(cache=True)
-def _block(blocks: Floats, i: int) -> Block:
-    """The first three rows of blocks[i]."""
-    return four_of(blocks, i, 0), four_of(blocks, i, 1), four_of(blocks, i, 2)
+def _block(blocks: Floats, i: int, at: int = 0) -> Block:
+    """Three rows of blocks[i], from row `at`."""
+    return four_of(blocks, i, at), four_of(blocks, i, at + 1), four_of(blocks, i, at + 2)
 
 
 @njit(cache=True)

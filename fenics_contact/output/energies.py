@@ -37,7 +37,7 @@ class Energies:
 
 @dataclass(frozen=True)
 class _Rubbing:
-    """Of a contact's points (ne, nq): largest friction tractions; ways on which they have worked; areas."""
+    """Of a contact's points (ne, nq): friction tractions that do the work at most; ways on which they have; areas."""
 
     limit: Floats
     way: Floats
@@ -45,7 +45,7 @@ class _Rubbing:
 
     @classmethod
     def of(cls, contact: ContactTerm, state: State) -> "_Rubbing":
-        return cls(contact.forces.limits(state), contact.trial.history.rubbed, contact.surface.area)
+        return cls(contact.forces.rubs(state), contact.trial.history.rubbed, contact.surface.area)
 
     def work(self, last: "_Rubbing") -> float:
         """Of friction since the last state: what slides does so at the limit."""
