@@ -2,7 +2,7 @@
 
 import pytest
 
-from fenics_contact import Body, Penalty, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Motion, Penalty, Scene, Stage, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
 from fenics_contact.meshes import rectangles
 
 pytestmark = pytest.mark.parallel
@@ -86,6 +86,18 @@ def test_a_force_on_a_side_that_is_fixed_all_over(side, told):
     scene.fix("strip_ymin")
     scene.force(side, (0.0, -0.01, 0.0))
     assert (f"'{side}' moves nothing" in notes(scene)[1]) == told
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_a_force_on_a_side_that_a_hub_carries(free):
+    """It moves the hub where that may go."""
+    mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (4.0, 1.0), (4, 1))})
+    scene, hub = Scene(Body(mesh, "strip", RUBBER), plane="strain"), rigid_hub("hub", (2.0, 1.0, 0.0))
+    scene.fix("strip_ymin")
+    scene.tie("strip_ymax", hub)
+    scene.force("strip_ymax", (0.01, 0.0, 0.0))
+    motion = Motion(force=(0.01, 0.0, 0.0)) if free else Motion(y=-0.01)
+    assert ("'strip_ymax' moves nothing" in notes(scene, move={hub: motion})[1]) != free
 
 
 @pytest.mark.parametrize("plane", ["strain", "axisymmetric"])

@@ -36,9 +36,49 @@ def test_no_step_leads_the_shorter_way_round(turns, steps):
     assert any("a step would turn 'hub'" in note for note in result.verdict.notes)
 
 
-def test_steps_of_an_eighth_turn_are_taken_as_they_are():
-    result = turned(math.pi / 2.0, 2)
+def test_steps_of_fifteen_degrees_are_taken_as_they_are():
+    result = turned(math.pi / 6.0, 2)
     assert len(result.history) == 4 + result.verdict.cuts and not any("a step would turn" in n for n in result.verdict.notes)
+
+
+def bush():
+    """A ring from 2 to 3.5, 24 curved cells around."""
+    geo = gmsh.model.geo
+    middle, quarters = geo.addPoint(0, 0, 0), np.arange(4) * math.pi / 2.0
+    inner, outer = ([geo.addPoint(r * math.cos(a), r * math.sin(a), 0) for a in quarters] for r in (2.0, 3.5))
+    arcs = [[geo.addCircleArc(points[i - 1], middle, points[i]) for i in range(4)] for points in (inner, outer)]
+    spokes = [geo.addLine(*ends) for ends in zip(inner, outer, strict=True)]
+    loops = [geo.addCurveLoop([spokes[i - 1], arcs[1][i], -spokes[i], -arcs[0][i]]) for i in range(4)]
+    faces = [geo.addPlaneSurface([loop]) for loop in loops]
+    for curves, cells in ((spokes, 3), (sum(arcs, []), 6)):
+        for curve in curves:
+            geo.mesh.setTransfiniteCurve(curve, cells + 1)
+    for face in faces:
+        geo.mesh.setTransfiniteSurface(face)
+        geo.mesh.setRecombine(2, face)
+    geo.synchronize()
+    for dim, tags, name in ((2, faces, "bush"), (1, arcs[0], "inner"), (1, arcs[1], "outer")):
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
+    gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.setOrder(2)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5])
+def test_a_bush_that_its_hub_turns_on_a_smooth_shaft_stays_as_it_is(angle):
+    """Swollen and led aside it turns without a moment, in one step stated, too: no fold, no force across."""
+    scene = Scene(Body(read_gmsh(bush), "bush", neo_hooke(0.5, 20.0)), plane="strain", degree=2, element="mixed")
+    hub, shaft = rigid_hub("hub"), rigid_cylinder(2.0, (0, 0, 0), (0, 0, 1), name="shaft")
+    scene.tie("outer", hub)
+    scene.contact("inner", shaft, 0.0, name="c")
+    scene.swell("bush", lambda t: 1.0 + 0.05 * min(t, 1.0))
+    stages = [Stage("swell", steps=2), Stage("lead", steps=2, move={hub: Motion(x=0.05)}),
+              Stage("turn", steps=1, move={hub: Motion(rz=angle)})]  # fmt: skip
+    result = solve(scene, stages=stages).require()
+    ends = [result.column(name)[-1] for name in ("c_load_N", "hub_force_x_N", "smallest_J")]
+    np.testing.assert_allclose(ends, [11.8086, 1.4716, 0.990], rtol=1e-3)
+    for name in ("hub_force_y_N", "hub_moment_z_Nmm"):
+        assert abs(result.column(name)[-1]) < 1e-5 * ends[0]
+    assert any("steps of 15 degrees" in note for note in result.verdict.notes) == (angle > 0.0)
 
 
 @pytest.mark.parametrize("degrees, told", [(360.0 / 7.0, False), (180.0, False), (50.0, True), (360.0 / 7.0 + 1e-3, True)])

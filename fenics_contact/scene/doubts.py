@@ -45,7 +45,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_images(scene, system),
         *tilting(scene, system, len(stated)),
         *_pressed(scene, [load for load in loads if not load.shape]),
-        *_idle(scene, system, loads),
+        *_idle(scene, system, len(stated), loads),
         *_across(scene, system, stated, [load for load in loads if load.shape and load.nodes is None]),
         *_heavy(scene, system, stated, [load for load in loads if load.group]),
     ]
@@ -111,13 +111,19 @@ def _pressed(scene: "Scene", pressures: Sequence[Load]) -> list[str]:
     return notes
 
 
-def _idle(scene: "Scene", system: System, loads: Sequence[Load]) -> list[str]:
-    """Of loads on surfaces that supports hold all over, in every direction. Collective."""
+def _idle(scene: "Scene", system: System, stages: int, loads: Sequence[Load]) -> list[str]:
+    """Of loads on surfaces that supports, or hubs that are led, hold all over, in every direction. Collective."""
     found, owned = dict[str, tuple[str, ...]](), scene.space.dofmap.index_map.size_local
+    ties, free = system.supports.ties, np.zeros(len(system.tools), dtype=bool)
+    for i in range(stages):
+        with system.stages.foreseen(i):
+            free |= system.tools.free.any(axis=1)
+    moving = np.concatenate([np.empty(0, dtype=np.int64), *[ties.of(int(i)) for i in np.flatnonzero(free)]])
     for load in loads:
         if load.group:
             nodes = scene.mesh.nodes(scene.space, *load.group)
-            if not system.comm.allreduce(bool(system.supports.free(nodes[nodes < owned]).any()), op=MPI.LOR):
+            moves = bool(system.supports.free(nodes[nodes < owned]).any() or np.isin(nodes, moving).any())
+            if not system.comm.allreduce(moves, op=MPI.LOR):
                 found[called(load.word, load.group)] = load.group
     return [f"{name} moves nothing: supports hold all nodes of that surface in every direction" for name in found]
 

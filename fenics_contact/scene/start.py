@@ -152,7 +152,7 @@ def let_go(system: System, start: Start, scene: "Scene") -> str | None:
     return (
         f"{start.name} ends out of balance in this scene, by {out / scale:.0%} of the largest force, for its scene did not "
         f"state the same{why}: the first step lets that go at once, and no number of steps makes a path of it; state it as "
-        "it was, and let it go in a stage"
+        "it was, and let loads and supports go in a stage; what no stage changes, take off its load before that run ends"
     )
 
 

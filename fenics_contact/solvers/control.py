@@ -22,7 +22,10 @@ HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
 BALANCE = 'take more steps, or method="newton"'
 SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
-WIDEST = 0.25 * math.pi * (1.0 + 1e-9)  # [rad] by which one step may turn a tool or hub
+WIDEST = math.pi / 4 * (1.0 + 1e-9)  # [rad] by which one step may turn a tool
+# Likewise what carries tied nodes: a first solve takes a body along the tangents of its circles, which stretches it by half
+# the square of the turn, 3 % here. At 12 % a bush may be crushed, and Newton's method ends in a balance with a fold
+CARRYING = math.pi / 12 * (1.0 + 1e-9)
 TURNS = "turns of tools"  # by which a run remembers what it has said of these
 JUMPS = (
     3  # jumps that come to no rest, from as many places of a scheduled step, after which none is tried in it: they cost most
@@ -172,20 +175,26 @@ def judge_balance(verdict: Verdict) -> None:
 
 
 def _turned(system: System, target: float, size: float) -> tuple[float, dict[str, Remark]]:
-    """End of the next step, in which no path turns a tool or hub by more than WIDEST; what is to be said where that is
-    shorter than a size it may have. A state is in balance a whole turn on, too, and a step so long would not be seen."""
-    t = system.trail.last.t
+    """End of the next step, in which no path turns a tool by more than WIDEST, nor what carries nodes by more than CARRYING;
+    what is to be said where that is shorter than a size it may have. A state is in balance a whole turn on, too, and a step
+    so long would not be seen. Collective."""
+    t, ties = system.trail.last.t, system.supports.ties
     goal = _goal(t, target, size)
     turns = system.tools.turns(t, goal)
-    if not turns.max(initial=0.0) > WIDEST:
+    carries = system.comm.allreduce(np.array([len(ties.of(i)) for i in range(len(turns))], dtype=np.int64)) > 0
+    shares = turns / np.where(carries, CARRYING, WIDEST)
+    if not shares.max(initial=0.0) > 1.0:
         return goal, {}
-    widest = int(turns.argmax())
+    widest = int(shares.argmax())
+    most, why = 45, "what it touches may go the shorter way round"
+    if carries[widest]:
+        most, why = 15, "what it carries is stretched on the way"
     words = (
-        f"a step would turn '{system.tools.names[widest]}' by {np.degrees(turns[widest]):.0f} degrees, where what it "
-        "touches or carries may go the shorter way round: steps of 45 degrees at most are taken; friction along the way is "
-        "right to the steps' length, so take more where it counts"
+        f"a step would turn '{system.tools.names[widest]}' by {np.degrees(turns[widest]):.0f} degrees, where {why}: steps "
+        f"of {most} degrees at most are taken; friction along the way is right to the steps' length, so take more where it "
+        "counts"
     )
-    return _goal(t, target, (goal - t) * WIDEST / turns[widest]), {"turn": Remark(float(turns[widest]), words)}
+    return _goal(t, target, (goal - t) / shares[widest]), {"turn": Remark(float(turns[widest]), words)}
 
 
 def _goal(t: float, target: float, size: float) -> float:
