@@ -15,13 +15,17 @@ from fenics_contact import (
     Body,
     Displacement,
     Method,
+    Motion,
     Penalty,
     Scene,
     SceneError,
+    Stage,
     coulomb,
     mooney_rivlin,
+    neo_hooke,
     read_gmsh,
     rigid_curve,
+    rigid_hub,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -29,7 +33,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
-from fenics_contact.meshes import box, tool_surfaces
+from fenics_contact.meshes import box, rectangles, tool_surfaces
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 RADIUS, FRICTION = 10.0, 0.3
@@ -354,3 +358,70 @@ def test_deep_start_and_nodes_of_degree_two_are_refused():
         block(deep, cells=(6, 6, 3)).system()
     with pytest.raises(SceneError, match="'c'.*degree=1"):
         block(ball(3.0), cells=(2, 2, 1), degree=2, points="nodes")
+
+
+# ---- tools that turn far in a step
+def cam():
+    """A circle of 80 sides, of radius 2 about (0.4, -2)."""
+    geo = gmsh.model.geo
+    middle, quarters = geo.addPoint(0.4, -2.0, 0.0), np.arange(4) * np.pi / 2
+    points = [geo.addPoint(0.4 + 2.0 * np.cos(a), -2.0 + 2.0 * np.sin(a), 0.0) for a in quarters]
+    arcs = [geo.addCircleArc(points[i - 1], middle, points[i]) for i in range(4)]
+    for arc in arcs:
+        geo.mesh.setTransfiniteCurve(arc, 21)
+    geo.synchronize()
+    gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, arcs), "cam")
+    gmsh.model.mesh.generate(1)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("steps", [1, 8])
+def test_a_cam_turns_under_a_follower_that_is_pushed(steps):
+    """By 30 degrees in one step, too: what a solve foresees of it is along tangents, and chords would lead it away."""
+    mesh = read_gmsh(rectangles.build, rectangles={"follower": ((-2.5, 0.0), (5.0, 1.5), (20, 6))})
+    scene = Scene(Body(mesh, "follower", neo_hooke(0.5, 4.0)), plane="strain")
+    hub, tool = rigid_hub("hub", (0.0, 1.5, 0.0)), rigid_curve(cam, group="cam", name="cam")
+    scene.tie("follower_ymax", hub)
+    scene.contact("follower_ymin", tool, 0.0, name="c")
+    about, pushed = (0.0, -2.0, 0.0), Motion(force=(0.0, -1.0, 0.0))
+    stages = [Stage("down", steps=2, move={hub: Motion(y=-0.25), tool: Motion(about=about, rz=0.0)}),
+              Stage("push", steps=2, move={hub: pushed}),
+              Stage("turn", steps=steps, move={tool: Motion(about=about, rz=np.pi / 6), hub: pushed})]  # fmt: skip
+    result = solve(scene, stages=stages).require()
+    assert result.verdict.cuts == 0 and result.column("iterations", "turn").max() <= 6
+    # about (0, -2) the circle's middle has risen by 0.4 sin 30 degrees; 80 sides and what lies beneath are the rest
+    rise = result.column("hub_travel_y_mm")
+    assert rise[-1] - rise[3] == pytest.approx(0.4 * np.sin(np.pi / 6), rel=5e-3)
+
+
+@pytest.mark.parallel
+def test_a_block_between_plates_that_turn_far_sticks():
+    """More than a whole turn, 33 degrees a step, about a point off its middle: forces turn with it, else as they were."""
+
+    def plate(y, way):
+        def build():
+            ends = [gmsh.model.geo.addPoint(x, y, 0.0) for x in (-3.0 * way, 3.0 * way)]
+            line = gmsh.model.geo.addLine(*ends)
+            gmsh.model.geo.synchronize()
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), "plate")
+            gmsh.option.setNumber("Mesh.MeshSizeMax", 0.35)
+            gmsh.model.mesh.generate(1)
+
+        return build
+
+    mesh = read_gmsh(rectangles.build, rectangles={"block": ((-1.0, 0.0), (2.0, 1.0), (3, 2))})
+    scene = Scene(Body(mesh, "block", neo_hooke(1.0, 5.0)), plane="strain")
+    below = rigid_curve(plate(0.0, -1.0), group="plate", name="below")
+    above = rigid_curve(plate(1.0, 1.0), group="plate", name="above")
+    scene.contact("block_ymin", below, 2.0, name="c")
+    scene.contact("block_ymax", above, 2.0, name="d")
+    turned = lambda t: 7.0 * max(t - 0.1, 0.0) / 0.9  # noqa: E731
+    down = lambda t: -0.1 * min(10.0 * t, 1.0)  # noqa: E731
+    move = {below: Motion(about=(0.5, 0.5, 0.0), rz=turned)}
+    move[above] = Motion(about=(0.5, 0.5, 0.0), rz=turned, x=lambda t: -down(t) * np.sin(turned(t)),
+                         y=lambda t: down(t) * np.cos(turned(t)))  # fmt: skip
+    result = solve(scene, move=move, steps=[0.1, *(0.1 + 0.9 * np.arange(1, 13) / 12)]).require()
+    assert result.verdict.cuts == 0 and result.verdict.iterations <= 5 * 13
+    x, y, angle = (result.column(name) for name in ("d_force_x_N", "d_force_y_N", "above_angle_z_rad"))
+    assert angle[-1] > 2 * np.pi and (result.column("d_sticking_points") == 4).all()
+    np.testing.assert_allclose(np.cos(angle) * y - np.sin(angle) * x, y[0], rtol=1e-5)

@@ -45,6 +45,11 @@ class Pose(NamedTuple):
         """Where points of the body that are at x (..., 3) were at the start [length]."""
         return (x - self.place) @ self.turn + self.start
 
+    def way(self, then: "Pose", x: Floats) -> Floats:
+        """Ways (..., 3) of points at x (..., 3) of the body to another pose along the tangents of their circles: as a solve
+        foresees them."""
+        return then.place - self.place + np.cross(rotation_vector(then.turn @ self.turn.T), x - self.place)
+
     def motions(self, x: Floats) -> Floats:
         """Velocities (n, 3, 6) of points at x (n, 3) of the body, per unit of its travel and of its spin."""
         return np.concatenate([np.broadcast_to(np.eye(3), (len(x), 3, 3)), -skew(x - self.place)], axis=2)
@@ -124,6 +129,13 @@ def rotation(vector: Floats) -> Floats:
     """exp of a rotation vector (3,) [radians]: Rodrigues' formula; (3, 3)."""
     angle, S = float(np.linalg.norm(vector)), skew(vector)
     return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * S @ S
+
+
+def rotation_vector(turn: Floats) -> Floats:
+    """The rotation vector (3,) [radians] of less than half a turn (3, 3)."""
+    twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])  # sine of the angle
+    sine, cosine = 0.5 * np.linalg.norm(twice), 0.5 * (np.trace(turn) - 1.0)
+    return np.asarray(0.5 * twice * (np.arctan2(sine, cosine) / sine if sine > 0.0 else 1.0))
 
 
 def spin_rate(vector: Floats) -> Floats:

@@ -6,6 +6,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction, turned
+from fenics_contact.contact.master import motion
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
 from fenics_contact.contact.pair_pattern import PairPattern
 from fenics_contact.contact.point_anchors import PointAnchors
@@ -117,5 +118,5 @@ class FacetPartner(OnFacets):
     def foreseen(self, feet: FacetFeet, before: FacetFeet, trial: Trial) -> Floats:
         """Gaps (np,) that the tangent at the places `before` foresees at these, shifts added."""
         gaps = np.empty(len(before.projection[4]))
-        foreseen_gaps(self.pairs(before, trial), feet.coords - before.coords, gaps)
+        foreseen_gaps(self.pairs(before, trial), motion(before, feet, self.places.first), gaps)
         return np.where(np.isfinite(gaps), gaps, feet.projection[4]) + trial.history.shift.reshape(-1)

@@ -29,6 +29,15 @@ CENTRE = {
 NORMAL = 1e-6  # of a direction of length one: what lies less in a facet is normal to it
 
 
+def motion(then: "Meeting", now: "Meeting", first: int) -> Floats:
+    """Ways (nx, 3) of nodes from one meeting to another, those of a tool, from number `first` on, along the tangents of
+    their circles, as a tangent foresees them: their chords would lead it away from what it turns on."""
+    out = now.coords - then.coords
+    if then.pose is not None and now.pose is not None:
+        out[first:] = then.pose.way(now.pose, then.coords[first:])
+    return out
+
+
 class Meeting(Protocol):
     """Where slave and master are: coords (nx, 3) of the slave's nodes, then the master's, points (np, 3) [length]; of a tool
     its pose; which facets points meet there."""

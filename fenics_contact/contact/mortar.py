@@ -5,6 +5,7 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction
+from fenics_contact.contact.master import motion
 from fenics_contact.contact.meeting import Linearised, MortarFeet
 from fenics_contact.contact.node_anchors import NodeAnchors
 from fenics_contact.contact.node_laws import NodeLaws
@@ -126,8 +127,8 @@ class MortarPartner(OnFacets):
         places, with a share of what is found there."""
         then, law, anchors = before.feet, trial.law, trial.history.anchors
         means = self._laws.averages(then, anchors)
-        motion = feet.coords - then.coords, *self._laws.leading(then, law.friction)
-        change = foreseen_averages(self._pairs(then, trial), means, self._laws.turned(then), motion)
+        moved = motion(then, feet, self.places.first), *self._laws.leading(then, law.friction)
+        change = foreseen_averages(self._pairs(then, trial), means, self._laws.turned(then), moved)
         averaged = self._laws.averaged(feet, anchors)
         part = self._laws.softened(averaged, trial)
         eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]

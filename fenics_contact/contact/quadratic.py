@@ -6,6 +6,7 @@ from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.facet_points import ACROSS
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.facets import FacetPartner
+from fenics_contact.contact.master import motion
 from fenics_contact.contact.on_facets import own
 from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.contact.quadratic_anchors import QuadraticAnchors
@@ -119,7 +120,9 @@ class QuadraticPartner(FacetPartner):
     def foreseen(self, feet: FacetFeet, before: FacetFeet, trial: Trial) -> Floats:
         """Gaps (np,) that the tangent at the places `before` foresees at these, shifts added."""
         touching, gaps = self.touching(before, trial, self.paired(before)), before.projection[4].copy()
-        moved = np.einsum("qcn,qnx->qcx", touching.lift, (feet.coords - before.coords)[touching.nodes]).reshape(-1, 3)
+        moved = np.einsum("qcn,qnx->qcx", touching.lift, motion(before, feet, self.places.first)[touching.nodes]).reshape(
+            -1, 3
+        )
         found = np.empty(len(touching.at))
         flat.foreseen_gaps(touching.pairs, moved, found)
         gaps[touching.at] = found

@@ -23,8 +23,9 @@ UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next s
 BALANCE = 'take more steps, or method="newton"'
 SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
 WIDEST = math.pi / 4 * (1.0 + 1e-9)  # [rad] by which one step may turn a tool
-# Likewise what carries tied nodes: a first solve takes a body along the tangents of its circles, which stretches it by half
-# the square of the turn, 3 % here. At 12 % a bush may be crushed, and Newton's method ends in a balance with a fold
+# Likewise what carries tied nodes, where there is contact: a first solve takes bodies along the tangents of their circles,
+# which stretches them by half the turn's square, 3 % here. At 12 % a bush may be crushed on its shaft, and Newton's method
+# ends in a balance with a fold
 CARRYING = math.pi / 12 * (1.0 + 1e-9)
 TURNS = "turns of tools"  # by which a run remembers what it has said of these
 JUMPS = (
@@ -175,13 +176,14 @@ def judge_balance(verdict: Verdict) -> None:
 
 
 def _turned(system: System, target: float, size: float) -> tuple[float, dict[str, Remark]]:
-    """End of the next step, in which no path turns a tool by more than WIDEST, nor what carries nodes by more than CARRYING;
-    what is to be said where that is shorter than a size it may have. A state is in balance a whole turn on, too, and a step
-    so long would not be seen. Collective."""
+    """End of the next step, in which no path turns a tool by more than WIDEST, nor what carries nodes by CARRYING; what is
+    to be said where that is shorter than a size it may have. A state is in balance a whole turn on, too, and a step so long
+    would not be seen. Collective."""
     t, ties = system.trail.last.t, system.supports.ties
     goal = _goal(t, target, size)
     turns = system.tools.turns(t, goal)
     carries = system.comm.allreduce(np.array([len(ties.of(i)) for i in range(len(turns))], dtype=np.int64)) > 0
+    carries &= bool(system.contacts)
     shares = turns / np.where(carries, CARRYING, WIDEST)
     if not shares.max(initial=0.0) > 1.0:
         return goal, {}
