@@ -13,12 +13,14 @@ from fenics_contact import (
     Body,
     Load,
     Method,
+    Motion,
     Output,
     Penalty,
     Scene,
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_hub,
     rigid_plane,
     rigid_sphere,
     rigid_surface,
@@ -74,6 +76,27 @@ def test_a_confined_block_is_held_where_it_should_be(tmp_path):
     np.testing.assert_allclose(depth, force / 4.0 / (100.0 * young * raised), rtol=1e-7)
     np.testing.assert_allclose(force, confined_force(0.2), rtol=5e-3)  # it takes KEPT of the way
     assert not [note for note in result.verdict.notes if "change the force" in note]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_walls_that_each_hold_little_and_all_hold_much(degree):
+    """K/mu = 100 in a box of three smooth walls that are contacts, pushed: neo-Hooke's closed form in uniaxial strain."""
+    mesh, mu, K, along = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (2.0, 2.0), (4, 4))}), 0.5, 50.0, 0.95
+    scene = Scene(Body(mesh, "pad", neo_hooke(mu, K)), plane="strain", element="mixed", degree=degree)
+    hub = rigid_hub("hub", (1.0, 2.0, 0.0))
+    scene.tie("pad_ymax", hub)
+    for side, point, normal in (
+        ("xmin", (0, 0, 0), (1, 0, 0)),
+        ("xmax", (2, 0, 0), (-1, 0, 0)),
+        ("ymin", (0, 0, 0), (0, 1, 0)),
+    ):
+        scene.contact(f"pad_{side}", rigid_plane(point, normal, name=side), name=f"on_{side}")
+    pressure = -(mu * along ** (-5 / 3) * 2 / 3 * (along**2 - 1.0) + K * (along - 1.0))
+    result = solve(scene, move={hub: Motion(force=(0.0, -2.0 * pressure, 0.0))}, steps=3).require()
+    # beneath it, and along both sides, penalties hold KEPT of the energy each: what is beneath takes as much of the way
+    assert result.column("hub_travel_y_mm")[-1] == pytest.approx(2.0 * (along - 1.0), rel=4 * penalties.KEPT)
+    row = result.history[-1]
+    assert row["penalty_energy_Nmm"] < 4 * penalties.KEPT * row["strain_energy_Nmm"]
 
 
 @pytest.mark.parametrize("free", [False, True])
@@ -229,7 +252,8 @@ def test_a_step_that_greater_penalties_spoil_is_taken_without(monkeypatch):
     first = raise_factor(final([0.4])[3])
     # those of the step before; on several ranks MUMPS adds in the order of arrival, so two runs differ in their last bits
     np.testing.assert_allclose(raise_factor(system), first, rtol=SAME)
-    assert contact.penalties.raised(system.state, system.strain_energy, 0.0) is None  # and nothing tries again
+    held = 2 * (contact.penalties.stored(system.state),)
+    assert contact.penalties.raised(system.state, system.strain_energy, held, 0.0) is None  # and nothing tries again
     monkeypatch.setattr(penalties, "DEEPEST", 1.0)
     spared = final([0.4, 0.7])  # never raised: same law but for the first step
     assert raise_factor(spared[3]) == 1.0

@@ -31,8 +31,8 @@ SLIPS = 3.0
 # twice Young's modulus (degree 2: four times): strains of order one, a corner, or rubber that cannot escape.
 DEEPEST = 0.02
 AIM = 0.5  # of that depth: where a raised penalty puts the deepest point under the same pressure
-# Of the bodies' energy what a contact's default penalties may hold: more raises them, until they hold KEPT of it. That is
-# rubber that cannot escape, K/E times as stiff as the default knows
+# Of the bodies' energy what the default penalties of all contacts may hold: more raises them, until each holds KEPT of it.
+# That is rubber that cannot escape, K/E times as stiff as the default knows
 YIELDS, KEPT = 0.05, 0.004
 BEYOND = 0.5  # over which what slips from where it rests has a greater trial traction
 LARGEST = 10.0  # times the default; Newton's method fails the more often the stiffer it gets beyond (studies, map_penalty)
@@ -43,6 +43,9 @@ STIFFEST, GROWTH = 1000.0, 10.0
 # deepest point of the last accepted state would lie as deep as under a raised penalty, down to this part of them
 SOFTEST = 0.01
 WORTH = 0.5  # a greater part of the penalties is no help
+
+
+Raised = tuple[Trial, str]
 
 
 @dataclass(frozen=True)
@@ -105,24 +108,34 @@ class Penalties:
         law = Law(self._first.eps_n * factor, eps_t, trial.law.friction, trial.law.touch)
         return trial.under(law)
 
-    def raised(self, state: State, strain: Callable[[], float], noise: float) -> tuple[Trial, str] | None:
-        """None; or, where a point lies deeper than DEEPEST allows, or the penalties hold more energy than YIELDS allows, a
-        trial with greater penalties, and words. Multipliers hold points out of there.
+    def stored(self, state: State) -> float:
+        """Energy in normal penalties that may be raised [force length]. Collective."""
+        if self._contact.penetration is not None or not self._adapts[0]:
+            return 0.0
+        contact = self._contact
+        squares = contact.trial.law.eps_n[:, None] * contact.led.depths(state) ** 2
+        return state.comm.allreduce(float((0.5 * squares * contact.surface.area).sum()))
 
-        strain(): energy in the bodies; noise: what of it is rounding [force length]. Collective.
+    def raised(self, state: State, strain: Callable[[], float], stored: tuple[float, float], noise: float) -> Raised | None:
+        """None; or, where a point lies deeper than DEEPEST allows, or penalties hold more energy than YIELDS allows, a trial
+        with greater penalties, and words. Multipliers hold points out of there.
+
+        strain(): energy in the bodies; stored: in these penalties, and in those of all contacts; noise: what of it is
+        rounding [force length]. Collective.
         """
         if self._contact.penetration is not None or not self._adapts[0]:
             return None
+        own, of_all = stored
         contact, trial = self._contact, self._contact.trial
         raised, depths = trial.history.raised, contact.led.depths(state)
         depth, place = self._depth(depths, state.comm)
         if depth > DEEPEST and (room := self.room(state)) > 1.0:
             factor, why = min(depth / (AIM * DEEPEST), room), f"{place} lies {depth:.1%} of a cell deep"
-        elif (stored := self._stored(depths, state.comm)) > noise and stored > YIELDS * (held := strain()):
+        elif own > noise and of_all > YIELDS * (held := strain()) and own > KEPT * held:
             # what has been raised in vain before stays where it is
             room = self.room(state, np.where(raised[:, 1] < LARGEST, raised[:, 0], STIFFEST))
-            factor = min(stored / max(KEPT * held, noise), room)
-            why = f"contact '{contact.name}': its penalties hold {stored / max(held, noise):.0%} of the bodies' energy"
+            factor = min(own / max(KEPT * held, noise), room)
+            why = f"contact '{contact.name}': its penalties hold {own / max(held, noise):.0%} of the bodies' energy"
             if room == 1.0:
                 return None
         else:
@@ -132,11 +145,6 @@ class Penalties:
         trial = self.with_raised(trial.remembering(raised=raised * [factor, 1.0]))
         most = max(state.comm.allgather(trial.history.raised[:, 0].max(initial=1.0)))
         return trial, f"{why}: penalties raised to {most:.3g} times the default"
-
-    def _stored(self, depths: Floats, comm: MPI.Comm) -> float:
-        """Energy in the normal penalties at penetrations (ne, nq) [force x length]. Collective."""
-        eps = self._contact.trial.law.eps_n[:, None]
-        return comm.allreduce(float((0.5 * eps * depths**2 * self._contact.surface.area).sum()))
 
     def room(self, state: State, most: Floats | None = None) -> float:
         """By how much the penalties may still be raised, 1 where not at all; most (ne,): times the default that they may

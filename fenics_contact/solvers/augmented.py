@@ -263,8 +263,13 @@ def raise_penalties(system: System, report: StepReport, forgone: tuple[ContactTe
     if report.residuals[-1] > BALANCED:
         return []
     found, strain = {}, cache(system.strain_energy)  # which few contacts ask for
-    for contact in system.contacts:
-        if contact not in forgone and (raised := contact.penalties.raised(system.state, strain, system.scales.noise_energy)):
+    stored, noise = (
+        {contact: contact.penalties.stored(system.state) for contact in system.contacts},
+        system.scales.noise_energy,
+    )
+    for contact, own in stored.items():
+        both = own, sum(stored.values())
+        if contact not in forgone and (raised := contact.penalties.raised(system.state, strain, both, noise)):
             trial, found[contact] = raised
             contact.take(trial)
     report.notes += found.values()
