@@ -324,8 +324,9 @@ class Creeping:
     """A system, its trail and stepper, that no step carries on, only a jump."""
 
     damping = damped = True
-    terms, fluids, stages = (), (), Stages(("",), (1.0,), 0)
-    holds = SimpleNamespace(reliant=[])
+    terms, fluids, contacts, stages = (), (), (), Stages(("",), (1.0,), 0)
+    holds, comm = SimpleNamespace(reliant=[]), MPI.COMM_SELF
+    supports = SimpleNamespace(ties=SimpleNamespace(of=lambda tool: ()))
     tools = ToolMotion(stages, ((), ()), (), [np.zeros((0, 6), dtype=bool)], (), (1.0, 1.0))
 
     def __init__(self, rests):

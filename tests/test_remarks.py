@@ -358,7 +358,7 @@ def test_work_missed_on_turns_is_told_from_work_that_is_lost():
     """Two blocks that stick are turned together: nothing slides, and what is missing falls with the square of the turns, to
     what friction does on the way between a node and its place in the master."""
     missing, told = [], []
-    for steps in (10, 20, 40):
+    for steps in (12, 24, 48):
         drawn = {"low": ((0, 0), (6, 2), (9, 3)), "up": ((1.2, 2.0), (3, 2), (7, 4))}
         mesh = read_gmsh(rectangles.build, rectangles=drawn)
         scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 5.0)) for name in drawn), plane="strain")
@@ -372,7 +372,7 @@ def test_work_missed_on_turns_is_told_from_work_that_is_lost():
         result = solve(scene, stages=[press, shear, turn]).require()
         told.append([note for note in result.verdict.notes if note.startswith("energy")])
         missing.append(np.diff(result.column("energy_error_Nmm")[11:]).sum())
-    assert "most of that in steps that turn a tool by up to 17 degrees" in told[0][0] and not told[2]
+    assert "most of that in steps that turn a tool by up to 14 degrees" in told[0][0] and not told[2]
     assert (missing[0] - missing[1]) / (missing[1] - missing[2]) == pytest.approx(4.0, rel=0.05)
 
 
