@@ -334,12 +334,12 @@ class Stumbling(Newton):
         super().__init__(linear)
         self.fails, self.settled = fails, 0
 
-    def settle_augmented(self, system, t):
+    def settle_near(self, system, t):
         self.settled += 1
         if self.fails(self.settled):
             system.state.u.x.array[:] += 1.0
             raise StepFailed("stumbled")
-        return super().settle_augmented(system, t)
+        return super().settle_near(system, t)
 
 
 def test_an_augmentation_that_cannot_be_solved_is_taken_in_part():

@@ -148,7 +148,7 @@ class ArcLength:
         is a balance also where a given load has none."""
         return self._balance(system, arc, False)
 
-    settle_augmented = settle
+    settle_near = settle
 
     def _balance(self, system: System, arc: Arc, resample: bool) -> ArcReport:
         """resample: have samples follow the surfaces once. While the out-of-balance force is large, contact pressures are

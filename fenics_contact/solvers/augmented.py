@@ -8,7 +8,7 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import MEMORY, TOO_SOFT
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.report import UNKEPT, AugmentedTo, Corrected, Goal, Report, StepReport
+from fenics_contact.solvers.report import UNKEPT, Corrected, Goal, NearTo, Report, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 
 Shares = tuple[tuple[float, float], ...]  # of pressure and friction
@@ -50,9 +50,7 @@ class Augmented(Corrected[Goal, Report]):
     takes it: t, or an Arc.
     """
 
-    stepper: AugmentedTo[Goal, Report]
-
-    def __init__(self, stepper: AugmentedTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
+    def __init__(self, stepper: NearTo[Goal, Report], limit: int = AUGMENTATIONS) -> None:
         super().__init__(stepper)
         self.limit = limit
         self._failed = 0.0, 0  # t that attempts have started from, and their number
@@ -122,7 +120,7 @@ class Augmented(Corrected[Goal, Report]):
         for i, (pressure, friction) in enumerate(tries):
             _take_over(system, (pressure, friction))
             try:
-                report.add(self.stepper.settle_augmented(system, goal))
+                report.add(self.stepper.settle_near(system, goal))
                 return tries[i:] if friction else tries
             except StepFailed as failure:
                 if i == len(tries) - 1 or failure.finding.kind in NO_HELP:

@@ -53,7 +53,7 @@ class Following(Corrected[float, StepReport]):
         """The report of balance with the springs' far ends where the state is: with stiffer ones if soft ones fail."""
         springs, place = _springs(system), (system.state.u.x.array.copy(), system.state.q.copy())
         try:
-            return self.stepper.settle(system, t)
+            return self.stepper.settle_near(system, t)
         except StepFailed as failure:
             if failure.finding.kind in NO_HELP or not springs.stiffen():
                 raise

@@ -90,10 +90,10 @@ class Newton:
         du, dq = system.begin_step(t)
         return self._iterate(system, du, dq, StepReport(), Patience(0, self.limit, self.limit))
 
-    def settle_augmented(self, system: System, t: float) -> StepReport:
-        """The same from balance, after its multipliers alone have changed: by corrections as far as these lead. What the
-        penalties carried is then out of balance, and the state moves by their penetrations only: the tangent hardly changes.
-        """
+    def settle_near(self, system: System, t: float) -> StepReport:
+        """The same from balance, after multipliers, or far ends of springs, alone have changed: by corrections as far as
+        these lead. What penalties or springs carried is then out of balance, and the tangent hardly changes: the state
+        moves by penetrations only, or on as the springs let it."""
         report, (du, dq) = StepReport(), system.begin_step(t)
         if not system.condensed:
             self._secants.forget()
@@ -308,7 +308,7 @@ class Incremental:
         system.foresight.resample(system.state)
         return StepReport(1, [relative_residual(system)])
 
-    settle = settle_augmented = step
+    settle = settle_near = step
 
 
 def _forcing(residual: float, tolerance: float) -> float:

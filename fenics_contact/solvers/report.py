@@ -70,11 +70,11 @@ class StepperTo(Protocol[GoalOf, ReportOf]):
         ...
 
 
-class AugmentedTo(StepperTo[GoalOf, ReportOf], Protocol[GoalOf, ReportOf]):
-    """One that knows what multipliers leave as it was."""
+class NearTo(StepperTo[GoalOf, ReportOf], Protocol[GoalOf, ReportOf]):
+    """One that knows what hardly changes the tangent."""
 
-    def settle_augmented(self, system: System, goal: GoalOf, /) -> ReportOf:
-        """Into balance at the goal from a balance whose multipliers alone have changed."""
+    def settle_near(self, system: System, goal: GoalOf, /) -> ReportOf:
+        """Into balance at the goal from a balance of which multipliers, or far ends of springs, alone have changed."""
         ...
 
 
@@ -86,7 +86,7 @@ Report = TypeVar("Report", bound=StepReport)
 class Corrected(Generic[Goal, Report]):
     """A stepper, and what corrects the states that it has solved for, alike after a step and where it only settles."""
 
-    def __init__(self, stepper: StepperTo[Goal, Report]) -> None:
+    def __init__(self, stepper: NearTo[Goal, Report]) -> None:
         self.stepper = stepper
 
     def step(self, system: System, goal: Goal) -> Report:
@@ -96,6 +96,10 @@ class Corrected(Generic[Goal, Report]):
     def settle(self, system: System, goal: Goal) -> Report:
         """Into balance at the goal from the present state, after multipliers or penalties have changed."""
         return self._corrected(system, goal, self.stepper.settle)
+
+    def settle_near(self, system: System, goal: Goal) -> Report:
+        """The same from a balance of which multipliers, or far ends of springs, alone have changed."""
+        return self._corrected(system, goal, self.stepper.settle_near)
 
     def _corrected(self, system: System, goal: Goal, solve: Callable[[System, Goal], Report]) -> Report:
         """What solve(system, goal) has found, corrected."""

@@ -27,7 +27,7 @@ class Snes:
         """Into balance at t from the present state, after its multipliers have changed: SNES always starts from there."""
         return self._solve(system, t, again=True)
 
-    settle_augmented = settle
+    settle_near = settle
 
     def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if SNES does not converge."""

@@ -53,9 +53,9 @@ class Softened:
         """Into balance at t from the present state, after multipliers or penalties have changed."""
         return self.stepper.settle(system, t)
 
-    def settle_augmented(self, system: System, t: float) -> StepReport:
-        """Into balance at t from one whose multipliers alone have changed."""
-        return self.stepper.settle_augmented(system, t)
+    def settle_near(self, system: System, t: float) -> StepReport:
+        """Into balance at t from one of which multipliers, or far ends of springs, alone have changed."""
+        return self.stepper.settle_near(system, t)
 
     def _step(self, system: System, t: float, softer: dict[ContactTerm, float]) -> StepReport:
         for term, part in softer.items():
