@@ -37,7 +37,7 @@ from fenics_contact.solid.materials import (
     user_energy,
     yeoh,
 )
-from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.solvers.course import ArcSteps
 from fenics_contact.uncaught import install as _install
 from fenics_contact.units import Units
 from fenics_contact.values import FolderError, SceneError

@@ -11,7 +11,7 @@ from fenics_contact.contact.tools import Tool
 from fenics_contact.scene.functions import Drive
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import ARC_LENGTH, Moves, Only, Stage
-from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.solvers.course import ArcSteps
 from fenics_contact.solvers.linear import LINEAR
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, count, finite, flag, is_number, positive, shown

@@ -15,8 +15,9 @@ from fenics_contact.scene.stage import ARC_LENGTH, Stage
 from fenics_contact.scene.targets import Branch, distances
 from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.augmented import Adapted, Augmented
-from fenics_contact.solvers.continuation import ArcSteps, Course, Fork, Path
+from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.control import OnStep, judge_balance, run
+from fenics_contact.solvers.course import ArcSteps, Course, Fork
 from fenics_contact.solvers.entering import Entering
 from fenics_contact.solvers.held import Following, Held
 from fenics_contact.solvers.linear import LinearSolver

@@ -30,7 +30,8 @@ from fenics_contact import (
 from fenics_contact.meshes import box, punch_plate, two_blocks
 from fenics_contact.solvers.arc_length import ArcLength
 from fenics_contact.solvers.augmented import Adapted, Augmented, misfit
-from fenics_contact.solvers.continuation import Course, Path
+from fenics_contact.solvers.continuation import Path
+from fenics_contact.solvers.course import Course
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.verdict import StepFailed, Verdict

@@ -32,7 +32,7 @@ from fenics_contact import (
     rigid_plane,
     solve,
 )
-from fenics_contact.meshes import box, ring_sector
+from fenics_contact.meshes import box, rectangles, ring_sector
 from fenics_contact.solvers.pivots import PivotWatch
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.softest import Softest
@@ -86,7 +86,7 @@ def test_rivlins_cube_leaves_the_symmetric_state_at_its_critical_load(towards, w
     np.testing.assert_allclose(result.column("t")[-1], on_branch(wide), rtol=1e-5)
     z = result.scene.space.tabulate_dof_coordinates()[:, 2] > 0.5
     np.testing.assert_allclose(result.u.x.array.reshape(-1, 3)[z, 2], wide - 1.0, atol=1e-5)
-    assert any("goes on along another branch" in note for note in result.verdict.notes)
+    assert any("is to go on along another branch" in note for note in result.verdict.notes)
 
 
 @pytest.mark.parallel
@@ -431,3 +431,37 @@ def test_wrong_branches_are_refused():
         (Branch("zmax", "x", number=0), "number"),
     ):
         refused(lambda: solve(column(), steps=ArcSteps(until=Load(1.0), branch=branch)), *words)  # noqa: B023
+
+
+# -- a column between walls -------------------------------------------------------------------------------------------
+def leaning(gap, walls=2, **arcs):
+    """A column of 1 x 20, clamped below and led above, that dead loads buckle until it leans on smooth walls beside it; its
+    head's load is 1 by Euler. Until six times that."""
+    mesh = read_gmsh(rectangles.build, rectangles={"column": ((0, 0), (1, 20), (1, 16))})
+    scene = Scene(Body(mesh, "column", from_elastic(1000.0, 0.0)), degree=2, plane="strain")
+    scene.fix("column_ymin")
+    scene.fix("column_ymax", "x")
+    scene.contact("column_xmax", rigid_plane((1 + gap, 0, 0), (-1, 0, 0), name="right"), name="r")
+    if walls == 2:
+        scene.contact("column_xmin", rigid_plane((-gap, 0, 0), (1, 0, 0), name="left"), name="l")
+    scene.force("column_ymax", (0.0, -1000 / 12 * (np.pi / (0.69916 * 20)) ** 2, 0.0))
+    return solve(scene, steps=ArcSteps(until=Load(6.0), first=0.3, branch=Branch("column_xmax", "x"), **arcs))
+
+
+@pytest.mark.parametrize("gap", [0.15, 0.2])
+def test_a_branch_is_left_along_its_null_vector_where_a_wall_is_as_near_as_the_first_arc(gap):
+    """Of that arc the straight column, let go, is a balance, too."""
+    result = leaning(gap, largest=0.6).require()
+    after = 1 + int(result.column("bifurcation").argmax())
+    assert result.column("t")[after] > 1.0 and result.column("r_load_N")[after + 1] > 0.0
+    assert not any("a bifurcation within" in note for note in result.verdict.notes)
+
+
+@pytest.mark.parametrize("walls", [1, 2])
+def test_arcs_pass_kinks_where_the_load_turns_back(walls):
+    """The node on which the column leans lets go as it tips over: the load turns back by more than a right angle at a kink,
+    where no smaller angle leads on, and pivots alone tell the way. Short arcs meet the same limit loads."""
+    long, short = (leaning(0.3, walls, largest=largest).require() for largest in (0.6, 0.1))
+    first, last = ([point["t"] for point in result.summary["limit_points"]] for result in (long, short))
+    np.testing.assert_allclose((first[0], first[-1]), (last[0], last[-1]), rtol=1e-4)
+    assert first[-1] < 0.8 * first[0]

@@ -32,6 +32,7 @@ from fenics_contact.types import Floats, Vec
 
 # Change of t over which loads are differenced: exact for ramps at any size, for other functions good to Newton's need.
 LOAD_PROBE = 1e-4
+BEYOND = 5  # solves of an arc from which on pivots alone say whether the load turns
 FINITE = float(np.finfo(float).max)  # an out-of-balance force that any other is less than, but that of elements inside out
 
 
@@ -168,7 +169,8 @@ class ArcLength:
                 raise StepFailed(f"{self.limit} iterations left {size:.1e} of the force out of balance")
             if foreseen or anew:
                 system.assemble_residual()
-            made = _advance(system, self._correction(system, side, arc, _forcing(size, self.tolerance)))
+            late = report.iterations > BEYOND
+            made = _advance(system, self._correction(system, side, arc, _forcing(size, self.tolerance), late))
             foresight.release()
             before = _shorten(system, made, FINITE if foresight.settles else before)
 
@@ -191,13 +193,23 @@ class ArcLength:
         its sign where the load turns (Crisfield 1981).
         """
         angle, moved = self.dot(rate, made), self.dot(rate, Increment(made.du, made.dq, 0.0))
+        return angle if angle * moved >= 0.0 else self._by_pivots(arc) or angle
+
+    def _by_pivots(self, arc: Arc) -> float:
+        """The load's change, a number of that sign, by the tangent's pivots; 0 where they are not known.
+
+        Where a point closes or lets go the path may turn sharply, by more than a right angle: beyond such a kink the load
+        turns if and only if a pivot has changed its sign (orientation of piecewise linear paths; Eaves & Scarf 1976,
+        doi:10.1287/moor.1.1.1).
+        """
         now = self.linear.negative
-        if angle * moved >= 0.0 or now is None or np.isnan(arc.negative):
-            return angle
+        if now is None or np.isnan(arc.negative):
+            return 0.0
         return -arc.side if (now - arc.negative) % 2 else arc.side
 
-    def _correction(self, system: System, side: Side, arc: Arc, tolerance: float) -> Increment:
-        """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0."""
+    def _correction(self, system: System, side: Side, arc: Arc, tolerance: float, late: bool) -> Increment:
+        """Newton's correction of the equilibrium that stays on the arc: a dt^2 + 2 b dt + c = 0. late: no point of the arc
+        has been found where the path goes on at the smaller angle."""
         system.assemble_tangent()
         total = self.made(system)
         balance = (system.residual_vector, system.tool_residual, *system.still())
@@ -212,7 +224,7 @@ class ArcLength:
             raise StepFailed("the path does not meet the arc")
         # of both points on the arc the one further onward: the other turns back
         roots = (-b + np.sqrt(inside)) / a, (-b - np.sqrt(inside)) / a
-        onward = self._onward(rate, total, arc)
+        onward = (self._by_pivots(arc) if late else 0.0) or self._onward(rate, total, arc)
         step.add(rate, max(roots, key=lambda dt: dt * onward))
         return step
 

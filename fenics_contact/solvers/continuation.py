@@ -1,9 +1,9 @@
 """Continuation along an equilibrium path: length of the arcs, limit points located, legs that end on targets."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -13,15 +13,17 @@ from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.arc_length import Arc, ArcLength, ArcReport, Increment
 from fenics_contact.solvers.control import OnStep
+from fenics_contact.solvers.course import ArcSteps, Course, Fork, Leg
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.motions import Motion, resistance, softest
 from fenics_contact.solvers.report import StepperTo
 from fenics_contact.solvers.verdict import StepFailed, Verdict
-from fenics_contact.types import Floats, Ints
+from fenics_contact.types import Floats
 
 # Of the longest way so far: how far along the arc a located limit point may lie from the extremum. The load alone would not
 # do: it is stationary there, so that displacements a thousand times farther off have the same one.
 LIMIT_TOLERANCE = 1e-6
+FLAT = 1e-2  # of the load's change per arc before: beyond a kink it falls by more, and arcs may end elsewhere on the path
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
 TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
 
@@ -29,46 +31,7 @@ TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 t
 # bifurcation counts as located: motions that differ by far less are as soft, and round-off alone tells them apart
 ALIKE, WITHIN = 1e-8, 100.0
 AWAY = 1e-2  # of the bodies' size: the first arc on another path, where that is no longer lost in round-off
-
-Leg = dict[str, Callable[[], float]]  # words of a target: distance of the state from it, which changes its sign there
-
-
-@dataclass(frozen=True)
-class ArcSteps:
-    """Steps of a continuation, which follows the equilibrium path through its limit points, t being an unknown that may pass
-    1 or fall: solve(..., steps=ArcSteps(until=...)).
-
-    until: where it ends, the last step landing there: Load(t), Displacement(surface, axis, value), Travel(tool, axis,
-    value), a function of the state (u, t, travel and angles of the tools) that changes its sign there, or a list of these,
-    of which the first reached counts; back: the same for a way back along the path, with friction another one.
-
-    first: load increment the first step aims at; largest: bound of the arc [length], about the mean displacement of a step;
-    smallest: share of the first arc to which failing ones are cut; most: number of accepted steps after which the run
-    gives up; iterations: tangent solves per step, to which the arc's length is steered; turn: angle [radians] by which the
-    path's direction may change in a step, likewise; stations: targets like `until`, on each of which a step lands
-    every time the path passes it; branch: a Branch, on which the path goes on from a bifurcation.
-    """
-
-    until: object
-    back: object = None
-    first: float = 0.05
-    largest: float = np.inf
-    smallest: float = 1e-4
-    most: int = 200
-    iterations: int = 5
-    turn: float = 0.3
-    stations: Sequence[object] = ()
-    branch: object = None
-
-
-@dataclass(frozen=True)
-class Fork:
-    """Where a path is to leave itself: at the bifurcation of this number, along the null vector most like a motion of the
-    owned `dofs`, so that these move `towards` (1 or -1)."""
-
-    dofs: Ints
-    towards: float
-    number: int
+LEAVES = 0.5  # of the first arc on another path: less along the null vector, and it leads on or back on the path so far
 
 
 @dataclass
@@ -80,16 +43,6 @@ class Arrival:
     rate: Increment
     report: ArcReport
     fork: Increment | None = None  # where it is a bifurcation, along what the path is to go on
-
-
-class Course(NamedTuple):
-    """Where a path goes: legs {words: function () -> distance of the state from a target, which changes its sign there},
-    after each of which but the last it is followed back; stations, alike, where steps land on the way; at which bifurcation
-    it takes a branch."""
-
-    legs: list[Leg]
-    stations: Leg = {}
-    fork: Fork | None = None
 
 
 class Path:
@@ -233,15 +186,17 @@ class Path:
     def _step(self, length: float, rate: Increment) -> tuple[Arrival, str | None]:
         """The next state, not yet accepted, and the name of the target reached, if any; StepFailed if there is none."""
         arrival = self._arrive(length, rate)
+        self._refuse_back(arrival, rate)
         if self.fork and self.bifurcations + 1 == self.fork.number and self._passed(arrival):
             arrival = self._bifurcation(arrival, rate, self.fork)
             if all(gap() * self.gaps[name] > 0.0 for name, gap in self.targets.items()):
                 return arrival, None  # no target lies before it
         self._onward = arrival.rate.dt
         if arrival.rate.dt * self.slope < 0.0:
-            bound = LIMIT_TOLERANCE * max(self.furthest, arrival.length)
-            arrival = self._locate(arrival, rate, self.slope, lambda a: a.rate.dt, lambda _, left: left <= bound)
-            arrival.report.limit_point = int(np.sign(self.slope))
+            side, bound = self.slope, LIMIT_TOLERANCE * max(self.furthest, arrival.length)
+            ends = lambda dt, left: left <= bound and dt / side > -FLAT  # noqa: E731
+            arrival = self._locate(arrival, rate, side, lambda a: a.rate.dt, ends)
+            arrival.report.limit_point = int(np.sign(side))
         reached = None
         for name, gap in self.targets.items():
             before, now = self.gaps[name], gap()
@@ -251,6 +206,17 @@ class Path:
                 reached = name
         arrival.report.station = 1 + list(self.stations).index(reached) if reached in self.stations else 0
         return arrival, reached
+
+    def _refuse_back(self, arrival: Arrival, rate: Increment) -> None:
+        """StepFailed where an arc from a bifurcation, along its null vector, does not leave the path so far, or where one
+        goes back on that: against the last step, with a load that turns, and with no pivot for that."""
+        if self.begun and self.slope == 0.0:
+            if self.arc.dot(arrival.increment, rate) < LEAVES * self.arc.norm(arrival.increment):
+                raise StepFailed("the arc does not lead along the branch")
+            return
+        turns = self.begun and self._passed(arrival) and arrival.rate.dt * self.side < 0.0
+        if turns and self.last and self.arc.dot(arrival.increment, self.last) < 0.0:
+            raise StepFailed("the arc leads back along the path")
 
     def _accept(self, arrival: Arrival, leg: Leg, reached: str | None) -> None:
         """Commit the arrival; direction and length of the next step follow from it."""
@@ -267,7 +233,7 @@ class Path:
         self._measure(leg)
         self.verdict.accept(arrival.report, self.system)
         turned = np.arccos(np.clip(self.arc.dot(self._going, arrival.rate), -1.0, 1.0))
-        length = min(self.length * self._growth(arrival.report, turned), self.steps.largest)
+        length = min(self.length * _growth(self.steps, arrival.report, turned), self.steps.largest)
         self.arc.weigh(self.furthest, self.highest)
         size = self.arc.norm(arrival.rate)  # 1 in the lengths before
         self.length, self.rate, self.last = length * size, arrival.rate.times(1.0 / size), arrival.increment
@@ -316,7 +282,7 @@ class Path:
             self.bifurcations += 1
             report.bifurcation, t = 1, self.system.state.t
             if arrival.fork:
-                report.notes.append(f"a bifurcation at t = {t:.6g}, from which the path goes on along another branch")
+                report.notes.append(f"a bifurcation at t = {t:.6g}, from which the path is to go on along another branch")
             else:
                 before = f"{self.negative:g}" if self.negative else "none"
                 report.notes.append(
@@ -349,12 +315,6 @@ class Path:
         arrival.fork = Increment(mode.du, mode.dq, 0.0).times(np.copysign(1.0, along * fork.towards))
         return arrival
 
-    def _growth(self, report: ArcReport, turned: float) -> float:
-        """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""
-        solves = len(report.residuals) / (1 + report.augmentations + report.raises)
-        ratio = min(self.steps.iterations / solves, self.steps.turn / max(turned, 1e-12))
-        return float(np.clip(np.sqrt(ratio), 0.5, 2.0))
-
     def _locate(
         self,
         arrival: Arrival,
@@ -385,6 +345,13 @@ class Path:
             else:
                 low, at_low, at_high, kept = place, here, at_high * (0.5 if kept > 0 else 1.0), 1
         raise StepFailed(f"{TRIALS} arcs did not settle on one point")
+
+
+def _growth(steps: ArcSteps, report: ArcReport, turned: float) -> float:
+    """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""
+    solves = len(report.residuals) / (1 + report.augmentations + report.raises)
+    ratio = min(steps.iterations / solves, steps.turn / max(turned, 1e-12))
+    return float(np.clip(np.sqrt(ratio), 0.5, 2.0))
 
 
 def _on_arrival(gap: Callable[[], float]) -> Callable[[Arrival], float]:

@@ -15,7 +15,7 @@ from fenics_contact.run import solve
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import mooney_paper, mooney_rivlin
-from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.solvers.course import ArcSteps
 from fenics_contact.studies.controls import CONTROLS, MULTIPLIERS
 from fenics_contact.studies.exact import A1, A2, Radial
 from fenics_contact.studies.punch import punched_plate

@@ -27,7 +27,7 @@ from fenics_contact.output.names import plain_name
 from fenics_contact.result import Result
 from fenics_contact.scene.stage import ARC_LENGTH
 from fenics_contact.scene.targets import Load
-from fenics_contact.solvers.continuation import ArcSteps
+from fenics_contact.solvers.course import ArcSteps
 
 # What a run leaves beside its parameters; empty where it does not apply. busy: share of the wall time on the processor.
 METRICS = (
