@@ -180,7 +180,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     # what the forces that balance leaves may do [force length]
     unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest + system.scales.noise_energy
     missing = abs(summary["energy"].get(f"error_{energy_unit(scene.units)}", 0.0))
-    if verdict.converged and missing > unknown:  # a body that moves without strain has no other work
+    if missing > unknown:  # a body that moves without strain has no other work
         turned = widest_turn(kept.history, scene.units, dict(zip(travel, built.beginning.angles, strict=True)))
         has = ["damping"] * system.damped + ["penetration"] * (len(system.augmented) == len(system.contacts))
         has += ["jump"] * built.beginning.jumps
