@@ -348,3 +348,19 @@ def test_a_pushed_tool_is_in_balance_and_equals_the_moved_one(block, target):
 
     _, moved = pressed_block(block, move=path)
     np.testing.assert_allclose(moved[:, pushed], expected[:, pushed], atol=1e-6 * 400)  # required
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("options", [{}, {"penetration": 1e-4}])
+def test_nodes_that_come_under_a_sharp_edge_rub_against_the_punch(options):
+    """All that touches slides: H = mu V; rows that come in under leading edges rubbed forwards, down to H = 0.133 V."""
+    scene = Scene(Body(read_gmsh(box.build, size=(6.0, 4.0, 2.0), cells=(12, 8, 4)), "box", from_elastic(3.0, 0.4)))
+    scene.fix("zmin")
+    tool = rigid_punch(half_width=1.0, height=2.0, face=(2.0, 1.6, 2.0))
+    scene.contact("zmax", tool, 0.15, name="top", **options)
+    stages = [Stage("press", move={tool: (0, 0, -0.25)}, steps=2), Stage("drag", move={tool: (1.6, 0.8, 0)}, steps=8)]
+    result = solve(scene, stages=stages).require()
+    x, y, z = (result.column(f"top_force_{axis}_N")[4:] for axis in "xyz")
+    ways = np.hypot(x, y) / np.abs(z)
+    assert (ways <= 0.15 * (1 + 1e-6)).all()  # Coulomb's
+    assert (ways > 0.15 * 0.999).all()  # where rubber is strained, it slides by a degree or two to the side

@@ -10,6 +10,7 @@ from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.partner import SingleAnchors, worked
 from fenics_contact.contact.rigid_places import RigidFeet
 from fenics_contact.kernels.rigid_element import committed_anchors
+from fenics_contact.kernels.rigid_shapes import ends_sharply
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints
 
@@ -38,10 +39,11 @@ class RigidAnchors(SingleAnchors):
 
     def slid(self, feet: RigidFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`."""
-        slips, rests = status == SLIP, trial.history.rests
-        ways = np.linalg.norm(self.here(feet, trial)[0] - rests[0], axis=2)
+        slips, rests, tool = status == SLIP, trial.history.rests, self._partner.tool
         pulled, slip = (self._slip(feet, trial, anchors, slips) for anchors in (trial.history.anchors, rests))
-        return np.where(slips, ways, 0.0), worked(pulled, slip)
+        # chords of what may be round; beside a sharp edge points rest where they are themselves, off its flat faces
+        way = slip if ends_sharply(tool.kind, tool.shape) else self.here(feet, trial)[0] - rests[0]
+        return np.where(slips, np.linalg.norm(way, axis=2), 0.0), worked(pulled, slip)
 
     def _slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
         """Slip (ne, nq, 3) of some points since they were at rest, in the tool's frame [length]; 0 for others."""

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, partials, traction
-from fenics_contact.kernels.rigid_shapes import edge_cover, face_distance, meets_face, signed_distance
+from fenics_contact.kernels.rigid_shapes import edge_cover, ends_sharply, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
 from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, norm, of_three, plus, put, row, times
 from fenics_contact.types import Floats, Ints
@@ -168,9 +168,13 @@ def committed_anchors(
 
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
     the elastic slip T_T/eps_T ends: the return mapping of (16). Fills new_anchor and sliding (ne, nq) [length].
+
+    Outside a sharp edge the closest point is on the edge, but what holds the point next is a face, continued beyond it: a
+    way from the edge would lead outwards whichever way the point comes. It is anchored where it is itself, for of the way
+    from there the law takes what is along the face that holds it, and of its slip that is all.
     """
     eps_n, eps_t, body, friction, touch, _ = law
-    scratch = _scratch()
+    scratch, sharp = _scratch(), ends_sharply(tool[0], tool[1])
     for e in range(sliding.shape[0]):
         for q in range(sliding.shape[1]):
             g, x, n, share = _meet(e, q, points, tool, scratch)
@@ -179,10 +183,13 @@ def committed_anchors(
             found = traction(Law(eps, eps_t[e], friction, touch), Gaps(press, press), n, minus(foot, anchor))
             kept = anchor
             if found.status == OPEN:
-                kept = foot
+                kept = x if sharp and g > 0.0 else foot
             elif found.status == SLIP:
                 kept = less(foot, 1.0 / eps_t[e], found.tangential)
-            sliding[e, q] = norm(minus(kept, anchor)) if found.status == SLIP else 0.0
+            slip = minus(kept, anchor)
+            if sharp:
+                slip = less(slip, dot(n, slip), n)
+            sliding[e, q] = norm(slip) if found.status == SLIP else 0.0
             put(new_anchor, e, q, kept)
 
 

@@ -194,6 +194,12 @@ def _fade(t: float) -> tuple[float, float]:
 
 
 @njit(cache=True)
+def ends_sharply(kind: int, parameters: Floats) -> bool:
+    """Whether a shape is the box without fillet, whose flat faces hold points beyond their sharp edges, too."""
+    return kind == BOX and parameters[3] == 0.0
+
+
+@njit(cache=True)
 def edge_cover(kind: int, parameters: Floats, y: Floats, spacing: float, ds: Floats) -> float:
     """How far a slave point counts as lying under a sharp-edged face: a share s from 1 to 0, and its gradient ds (3,).
 
@@ -204,7 +210,7 @@ def edge_cover(kind: int, parameters: Floats, y: Floats, spacing: float, ds: Flo
     flat face) are treated so: the share fades where a point rises one to two spacings beside the punch.
     """
     ds[:] = 0.0
-    if kind != BOX or parameters[3] > 0.0 or (abs(y[0]) <= parameters[0] and abs(y[1]) <= parameters[1]):
+    if not ends_sharply(kind, parameters) or (abs(y[0]) <= parameters[0] and abs(y[1]) <= parameters[1]):
         return 1.0
     s0, d0 = _fade(1.0 + (parameters[0] - abs(y[0])) / spacing)
     s1, d1 = _fade(1.0 + (parameters[1] - abs(y[1])) / spacing)
@@ -222,7 +228,7 @@ def meets_face(kind: int, parameters: Floats, y: Floats, spacing: float, cover: 
     True for covered points less than `spacing` deep, however near to the edge they are: a point next to the edge is held
     by the face until it has slid out, and does not flip to the side by being a little nearer to it.
     """
-    if kind != BOX or parameters[3] > 0.0 or cover == 0.0:
+    if not ends_sharply(kind, parameters) or cover == 0.0:
         return False
     return cover < 1.0 or abs(y[2]) > parameters[2] - spacing
 

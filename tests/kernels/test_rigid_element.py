@@ -414,6 +414,40 @@ def test_an_open_point_is_anchored_where_it_will_land(k):
         assert np.abs(np.cross(landed["T"][0], landed["normal"][0])).max() < 1e-13
 
 
+# beside a sharp box, more than a spacing from its edges: where a point comes from, where it is held, by which axis' face
+COMING_IN = [
+    ([2.5, 0.3, 1.05], [2.2, 0.3, 0.9], 2),
+    ([2.9, 0.3, 0.3], [2.2, 0.2, 0.9], 2),  # from beside the box
+    ([0.3, -2.3, 0.95], [0.5, -1.6, 0.9], 2),
+    ([0.3, -2.3, 0.95], [0.5, -1.2, 0.9], 2),
+    ([-2.7, -2.1, 1.0], [-2.2, -1.7, 0.9], 2),  # a corner
+    ([-2.7, 0.1, -1.0], [-2.3, 0.1, -0.9], 2),
+    ([2.5, 0.3, 0.35], [1.9, 0.5, 0.45], 0),
+    ([0.3, -2.0, 0.35], [0.1, -1.4, 0.45], 1),
+]
+
+
+@pytest.mark.parametrize(("start", "end", "axis"), COMING_IN)
+def test_a_point_that_comes_in_under_a_sharp_edge_rubs_along_its_way(start, end, axis):
+    """From the closest point of the box, on its edge, a way leads outwards to the face that goes on beyond it."""
+    tool, along = Tool(BOX, SHARP), np.arange(3) != axis
+    contact = Contact(tool, start, [0, 0, 1.0], mu=0.05)
+    assert (contact.evaluate()["status"] == OPEN).all()
+    contact.accept()
+    contact.u[contact.nodes[0]] += tool.axes @ np.subtract(end, start)
+    r = contact.evaluate()
+    way = np.where(along, np.subtract(end, start), 0.0)
+    T = tool.axes.T @ r["T"][0]
+    assert r["status"][0] == SLIP and abs(np.abs(T[axis]) - np.abs(r["normal"][0] @ r["T"][0])) < 1e-13
+    size = 0.05 * abs(T[axis])
+    # rounding of coordinates of size 2, times eps_t 20
+    np.testing.assert_allclose(T[along], size * way[along] / np.linalg.norm(way), atol=1e-13)
+    remainders, linear = taylor(contact, r, np.random.default_rng(1).uniform(-1, 1, (9, 3)), np.zeros(3), STEP)
+    check_order(remainders, linear, False)
+    assert contact.accept()[0] == pytest.approx(np.linalg.norm(way) - size / EPS_T, rel=1e-12)
+    assert np.abs(contact.evaluate()["T"] - r["T"]).max() < 1e-13
+
+
 def curve(s):
     """A closed curve of the plane with turns and a crossing, of size one."""
     return np.array([np.cos(s) - 1 + 0.3 * np.sin(2 * s), 0.8 * np.sin(s) - 0.25 * np.sin(3 * s)])
