@@ -170,10 +170,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     ):  # of which first order tells nothing
         kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
     kept.remark(chord_notes(summary["chord_error"], scene.units) + node_notes(summary["node_error"], scene.units))
-    met = [contact for contact in scene.contacts if not isinstance(contact.master, RigidTool)]  # a tool has its own normals
-    along_slave = [contact.name for contact in met if contact.points != "nodes"]
     summary["energy"] = energy_summary(
-        kept.history, scene.units, along_slave, kept.results.balance.growth, system.scales.noise_energy
+        kept.history, scene.units, _along(scene), kept.results.balance.growth, system.scales.noise_energy
     )
     kept.remark(kept.results.notes())
     taken = len(kept.history)
@@ -187,6 +185,14 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         kept.remark(energy_notes(summary["energy"], taken, scene.units, built.beginning.overlaps, turned, has))
     verdict.order()
     return summary
+
+
+def _along(scene: Scene) -> dict[str, str]:
+    """By contact what its pressures act along, as ALONG of output/history.py names it, where that is no gradient of gaps; of
+    distances to other analytic tools their normals are."""
+    tools = {contact.name: contact.master for contact in scene.contacts if isinstance(contact.master, RigidTool)}
+    slaves = [contact.name for contact in scene.contacts if contact.name not in tools and contact.points != "nodes"]
+    return dict.fromkeys(slaves, "slave") | {name: "face" for name, tool in tools.items() if tool.sharp}
 
 
 def _told(scene: Scene, kept: Recorder, summary: Summary) -> list[str]:

@@ -27,7 +27,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
-from fenics_contact.meshes import box, rectangles, tool_surfaces, two_blocks
+from fenics_contact.meshes import box, graded_rectangle, rectangles, tool_surfaces, two_blocks
 from fenics_contact.output.chains import chains
 from fenics_contact.output.columns import Columns
 from fenics_contact.output.energies import Energies
@@ -251,6 +251,38 @@ def test_the_summary_says_what_the_energy_balance_leaves_open():
     uneven = punched([*np.arange(0.02, 0.1, 0.01), 0.5, 1.0], 0.0)
     (note,) = (note for note in uneven.verdict.notes if note.startswith("energy: "))
     assert " N mm of the work done, " in note and "in step 9 to t = 0.5: take more steps there" in note
+
+
+def led_off(steps, fillet, cells):
+    """A punch pressed into a block, over one end of which it lies, and led off it, without friction."""
+    size = 8.0 / cells
+    mesh = read_gmsh(graded_rectangle.build, width=8.0, height=3.0, mesh_size=size, fine=8.0)
+    scene = Scene(Body(mesh, "block", neo_hooke(mu=1.0, K=5.0)), plane="strain")
+    scene.fix("block_ymin")
+    punch = rigid_punch(half_width=3.0, height=3.0, face=(4.0, 0.0, 0.0), direction=(0, -1, 0), fillet=fillet)
+    scene.contact("block_ymax", punch, friction=0.0, name="top")
+    stages = [Stage("press", move={punch: (0, -0.3, 0)}, steps=3), Stage("lead", move={punch: (3.0, 0, 0)}, steps=steps)]
+    result = solve(scene, stages=stages).require()
+    return result, [note for note in result.verdict.notes if note.startswith("energy: ")]
+
+
+def test_what_a_sharp_punch_misses_is_put_down_to_its_edge():
+    """Its force is straight down, and nothing works while it is led: what the block loses then its edge has not been given.
+    As much is missing with more steps; a round edge is given it."""
+    missing = []
+    for steps in (5, 20):
+        sharp, (note,) = led_off(steps, 0.0, 32)
+        found, error = sharp.summary["energy"], sharp.column("energy_error_Nmm")
+        missing.append(error[-1] - error[2])
+        assert np.abs(sharp.column("top_force_x_N")).max() < 1e-9 * sharp.column("top_load_N").max()
+        assert found["normal_work_error_Nmm"]["top"] == pytest.approx(found["error_Nmm"], rel=0.03)
+        assert "take more steps" not in note and "sharp punch" in note and "fillet=" in note and "'top'" in note
+    assert missing[0] == pytest.approx(missing[1], rel=1e-6)  # both in balance; the end does not know the steps
+    rounded, notes = led_off(40, 0.3, 64)
+    energy, forces = rounded.column("strain_energy_Nmm")[2:], rounded.column("top_force_x_N")[2:]
+    given = -0.5 * (forces[1:] + forces[:-1]) @ np.diff(rounded.column("punch_travel_x_mm")[2:])  # it is pushed off
+    assert given == pytest.approx(energy[0] - energy[-1], rel=0.01) and not notes
+    assert missing[1] == pytest.approx(given, rel=0.1)  # rounded by a tenth of half its width, and coarse cells
 
 
 @pytest.mark.parametrize(("power", "jump", "said"), [(1.5, 0.0, False), (3.0, 0.0, False), (3.0, 0.1, True)])

@@ -10,7 +10,6 @@ from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.partner import SingleAnchors, worked
 from fenics_contact.contact.rigid_places import RigidFeet
 from fenics_contact.kernels.rigid_element import committed_anchors
-from fenics_contact.kernels.rigid_shapes import ends_sharply
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints
 
@@ -42,7 +41,7 @@ class RigidAnchors(SingleAnchors):
         slips, rests, tool = status == SLIP, trial.history.rests, self._partner.tool
         pulled, slip = (self._slip(feet, trial, anchors, slips) for anchors in (trial.history.anchors, rests))
         # chords of what may be round; beside a sharp edge points rest where they are themselves, off its flat faces
-        way = slip if ends_sharply(tool.kind, tool.shape) else self.here(feet, trial)[0] - rests[0]
+        way = slip if tool.sharp else self.here(feet, trial)[0] - rests[0]
         return np.where(slips, np.linalg.norm(way, axis=2), 0.0), worked(pulled, slip)
 
     def _slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:

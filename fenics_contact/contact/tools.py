@@ -92,6 +92,11 @@ class RigidTool(Tool):
         return self.kind == rigid_shapes.PLANE
 
     @property
+    def sharp(self) -> bool:
+        """Whether it is a punch whose flat faces hold points beyond its sharp edges, too."""
+        return bool(rigid_shapes.ends_sharply(self.kind, self.shape))
+
+    @property
     def profiled(self) -> bool:
         """Whether it is a profile, whose points go one way or the other."""
         return self.kind in (rigid_shapes.EXTRUSION, rigid_shapes.REVOLUTION)

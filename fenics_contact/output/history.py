@@ -36,12 +36,19 @@ MOST = 0.5
 # 2.2 ... 3.6 on those of a tube crushed flat and of round bodies that roll, and 1.01 ... 1.02 at sharp edges
 GROWS = 1.5
 WIDE = 0.1  # rad: forces that turn by less in a step have their work missed by a thousandth of itself, the angle's square/12
-EDGE = (
-    "as much with steps twice as long: they act along the slave's normals, which are not the master's where what touches is "
-    "narrow beside the cells and slides; more steps and multipliers do not mend that, finer cells do where it is round; at "
-    "a sharp edge leave points= out, or where it is let the side without that edge be the slave, or round the edge over "
-    "some cells"
-)
+# by what pressures act along: why that leaves some of the work whatever the steps, and what mends it
+ALONG = {
+    "slave": (
+        "the slave's normals, which are not the master's where what touches is narrow beside the cells and slides; more "
+        "steps and multipliers do not mend that, finer cells do where it is round; at a sharp edge leave points= out, or "
+        "where it is let the side without that edge be the slave, or round the edge over some cells"
+    ),
+    "face": (
+        "the normals of a sharp punch's faces alone, and what rubber presses sideways on its edges is missing, where these "
+        "dig in and slide; more steps, finer cells and multipliers do not mend that, a fillet over two cells or more does: "
+        "rigid_punch(..., fillet=)"
+    ),
+}
 
 Summary = dict[str, Any]  # what JSON can hold
 
@@ -136,14 +143,14 @@ def energy_line(energies: Energies, summary: Summary, units: Units) -> str:
 def energy_summary(
     rows: Sequence[HistoryRow],
     units: Units,
-    contacts: Sequence[str] = (),
+    along: Mapping[str, str] = MappingProxyType({}),
     growth: Mapping[str, float] = MappingProxyType({}),
     noise: float = 0.0,
 ) -> Summary:
     """Of a run's rows the work that went in and out, what is not accounted for in the end, its share of that work, the step
-    that left most of it, and by contact, of those named, whose pressures act along the slave's normals, the part of it that
-    they left; of that and, by "", of all of it its growth, how many times as much steps twice as long would leave, where
-    that is known; {} where no work was done but rounding, up to noise [force length]."""
+    that left most of it, and by contact, of those in `along`, whose pressures act along what ALONG names and need have no
+    energy, the part of it that they left; of that and, by "", of all of it its growth, how many times as much steps twice as
+    long would leave, where that is known; {} where no work was done but rounding, up to noise [force length]."""
     unit = energy_unit(units)
     done = rows[-1][f"work_done_{unit}"] if rows else 0.0
     if not done > noise:
@@ -151,12 +158,13 @@ def energy_summary(
     error = np.array([0.0, *(row[f"energy_error_{unit}"] for row in rows)])
     left = np.abs(np.diff(error))
     share, most = abs(error[-1]) / done, int(left.argmax())
-    pressures = {name: rows[-1][f"{plain_name(name)}_normal_work_error_{unit}"] for name in contacts}
+    pressures = {name: rows[-1][f"{plain_name(name)}_normal_work_error_{unit}"] for name in along}
     return {
         f"work_done_{unit}": done, f"error_{unit}": error[-1], "error_share": share,
         "worst_step": most + 1, "worst_step_t": rows[most]["t"], "worst_step_share": left[most] / max(left.sum(), 1e-300),
         f"normal_work_error_{unit}": pressures,
-        "normal_work_error_growth": {name: growth[name] for name in contacts if name in growth},
+        "normal_work_error_growth": {name: growth[name] for name in along if name in growth},
+        "normals": dict(along),
         "error_growth": growth.get(""),
     }  # fmt: skip
 
@@ -225,7 +233,7 @@ def energy_notes(
     if growth is not None and parts[most] > MOST:
         left = f"{text}, {parts[most]:.0%} of that left by the pressures of contact '{most}', "
         if growth <= GROWS:
-            return [left + EDGE]
+            return [f"{left}as much with steps twice as long: they act along {ALONG[summary['normals'][most]]}"]
         return [f"{left}{growth:.2g} times as much with steps twice as long; {where}: take more steps, there above all"]
     if turned > 0.0:
         where = (
