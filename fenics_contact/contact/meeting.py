@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from fenics_contact.assembly.pose import Pose
-from fenics_contact.contact.pairing import Pairing, Walled, seek_along, seek_in_sight
+from fenics_contact.contact.pairing import Pairing, Walled, seek_in_sight
 from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
@@ -60,14 +60,14 @@ class Sights:
 
     def __init__(self, facets: Surface, corners: Surface, search: float, margin: float, walled: Walled | None) -> None:
         self._facets, self._corners, self._limits = facets, corners, (search, margin, walled)
-        self._free = self.pairing = Pairing(facets, seek_along, search, margin, walled)
+        self._free = self.pairing = Pairing(facets, seek_in_sight(corners), search, margin, walled)
         self.held: Sight | None = None
         self._accepted: tuple[Sight | None, Pairing] = None, self.pairing
 
     def hold(self, feet: MortarFeet) -> None:
         """From the next change of the state on, until `free`."""
         self.held = feet.projection[5], feet.coords
-        self.pairing = Pairing(self._facets, seek_in_sight(self.held, self._corners), *self._limits)
+        self.pairing = Pairing(self._facets, seek_in_sight(self._corners, self.held), *self._limits)
 
     def free(self) -> None:
         """From the next change of the state on."""

@@ -13,7 +13,7 @@ from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
-from fenics_contact.contact.pairing import Pairing, Watch, seek_along
+from fenics_contact.contact.pairing import Pairing, Watch, seek_in_sight
 from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, corner_shapes, samples_for
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.walls import walls_between
@@ -149,7 +149,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     def gaps_of(self, image: Image, feet: MortarFeet) -> Floats:
         """Gaps (ns,), the least of the samples around them, at an image of the nodes, endless without a partner."""
         coords = np.concatenate([image.of(feet.coords[: self.first]), feet.coords[self.first :]])
-        pairing = Pairing(self.facets, seek_along, self.search, 0.0)  # an image of a wall may meet that wall's other side
+        # an image of a wall may meet that wall's other side
+        pairing = Pairing(self.facets, seek_in_sight(self._corners), self.search, 0.0)
         there = self._at(coords, feet.pose, lambda x, n, at: pairing.far(x, n, at, self.search))
         table = there.samples.table
         return np.asarray(np.where(there.seated, there.projection[4][table], np.inf).min(axis=1))

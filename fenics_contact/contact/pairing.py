@@ -109,18 +109,14 @@ def seek_on_quadratic(
     quadratic_rays(points, -normals, master, lists, (search, 0.0, FACING), out)
 
 
-def seek_along(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
-    """Where the master is met along given unit normals (np, 3) out of the slave."""
-    rays = slave_rays if master[1][0].shape[1] == MAX_NODES else quadratic_rays
-    rays(points, -normals, master, lists, (search, FAR_BEYOND, coverage.FACING), out)
-
-
-def seek_in_sight(sight: coverage.Sight, corners: Surface) -> Seek:
-    """Seeker along given unit normals among the facets (their corners) that looked towards the points in a `sight`."""
+def seek_in_sight(corners: Surface, held: coverage.Sight | None = None) -> Seek:
+    """Seeker along given unit normals (np, 3) out of the slave among the facets (their corners) that look towards the points
+    as a whole, for so their ends are found, too; held: in a sight that is held. By its slope at the foot alone a curved
+    facet came and went under a sample, with all of its share."""
 
     def seek(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
         rays = slave_rays if master[1][0].shape[1] == MAX_NODES else quadratic_rays
-        seen = coverage.in_sight(lists, sight, corners)
+        seen = coverage.in_sight(lists, held or (-normals, master[0]), corners)
         rays(points, -normals, master, seen, (search, FAR_BEYOND, FACING), out)
 
     return seek
