@@ -3,10 +3,12 @@
 import gmsh
 import numpy as np
 import pytest
+from mpi4py import MPI
 from taylor import orders, remainders
 
-from fenics_contact import Body, Method, Scene, SceneError, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Method, Output, Scene, SceneError, Stage, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from fenics_contact.meshes import rectangles
 
 WIDTH, FLOOR, HEIGHT = 10.0, 6.0, 10.0
 
@@ -277,3 +279,45 @@ def test_a_body_that_is_drawn_through_itself_is_refused():
             continue
         with pytest.raises(SceneError, match="'clip' is drawn through itself at "):
             solve(scene, steps=1)
+
+
+FLANKS = "upper_xmin", "upper_xmax"
+
+
+def sharp_block(friction, slaves, degree, finer=1):
+    """A stiff block on a soft one, and its way: pressed in by 0.3, then dragged by 0.6."""
+    upper, lower = ((-2.0, 0.0), (3.0, 2.0), (6 * finer, 4 * finer)), ((-4.0, -2.0), (8.0, 2.0), (16 * finer, 5 * finer))
+    mesh = read_gmsh(rectangles.build, rectangles={"upper": upper, "lower": lower})
+    bodies = Body(mesh, "upper", neo_hooke(20.0, 100.0)), Body(mesh, "lower", neo_hooke(1.0, 5.0))
+    scene = Scene(*bodies, plane="strain", degree=degree)
+    scene.fix("lower_ymin")
+    scene.fix("upper_ymax")
+    scene.contact(("upper_ymin", *slaves), "lower_ymax", friction, name="c")
+    ways = ("p", {("upper_ymax", "y"): -0.3}, 3), ("d", {("upper_ymax", "x"): 0.6}, 2)
+    return scene, [Stage(name, prescribe=way, steps=steps) for name, way, steps in ways]
+
+
+def borne(friction, slaves=FLANKS, degree=2, finer=1, **how):
+    """Forces (steps, 2) at the ends of the stated steps."""
+    scene, stages = sharp_block(friction, slaves, degree, finer)
+    result = solve(scene, stages=stages, **how).require()
+    t, stated = result.column("t"), [1 / 3, 2 / 3, 1.0, 1.5, 2.0]
+    at = [int(np.argmin(np.abs(t - one))) for one in stated]
+    assert t[at] == pytest.approx(stated)
+    return np.column_stack([result.column(f"c_force_{axis}_N") for axis in "xy"])[at]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("friction, degree, finer", [(0.0, 2, 1), (0.1, 2, 1), (0.3, 2, 1), (0.3, 1, 2)])
+def test_flanks_that_touch_nothing_change_nothing(friction, degree, finer):
+    """What presses under an edge is not asked what its flank sees: means over both opened and closed, and nothing ended."""
+    bare = borne(friction, (), degree, finer)
+    np.testing.assert_allclose(borne(friction, FLANKS, degree, finer), bare, atol=1e-8 * np.abs(bare).max())
+
+
+@pytest.mark.parallel
+def test_a_run_is_resumed_with_what_both_sides_of_an_edge_have(tmp_path):
+    out, (scene, stages) = MPI.COMM_WORLD.bcast(tmp_path), sharp_block(0.3, FLANKS, 1)
+    solve(scene, stages=stages[:1], out=Output(out, checkpoint=True)).require()
+    resumed = borne(0.3, degree=1, out=Output(out, checkpoint=True, resume=True))
+    np.testing.assert_allclose(resumed, borne(0.3, degree=1), rtol=1e-7)

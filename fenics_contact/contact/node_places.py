@@ -54,11 +54,11 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         part: Ints64,
     ) -> None:
         skin, search = crossing.skin, SEARCH * max(surface.cell_height, master.longest)
-        super().__init__(surface, master, crossing, (skin.owned, len(skin.X)), search, timers)
-        self.skin = skin
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         joined = np.isin(skin.blocks, master.blocks)
         self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free, joined)
+        super().__init__(self.around.parted(surface), master, crossing, (skin.owned, len(skin.X)), search, timers)
+        self.skin = skin
         ring, self._walls = self.around.corners, None
         if isinstance(master, MasterSurface):
             ours = skin, ring if ring.shape[1] == 4 else ring[:, [0, 1, 2, 2]]

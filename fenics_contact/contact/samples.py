@@ -2,11 +2,13 @@
 
 import math
 from copy import copy
+from dataclasses import replace
 
 import basix
 import numpy as np
 
 from fenics_contact.contact.master import MasterSurface, area_vectors
+from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.mortar import Slaves
 from fenics_contact.kernels.normals import CREASE, Groups, corner_angles, group_normals, group_slots, grouped_corners
@@ -49,12 +51,14 @@ class CornerNormals:
 class SlaveFacets:
     """Facets of a slave surface that this process evaluates, those around its own nodes, and their normals.
 
-    own (ns,): the nodes of this process that have pressures, those of corners; nodes (nf, k), corners (nf, m) of the facets;
-    number (nf, m): the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
+    own (ns,): the nodes of this process that have pressures, those of corners, where a crease parts the facets around one
+    once for each part: what presses on one side of an edge may be far off on the other, and a mean over both would say of
+    neither what it does; of (ns,): their numbers without that; nodes (nf, k), corners (nf, m) of the facets; number (nf, m):
+    the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
     corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
     the reference; nearest: the least one of the FEWEST samples in a unit facet; ends (nf, m): which corners are ends or
-    creases of the surface; free (ns, 3, 3): ways that supports leave the own nodes, by rows; joined (nx,): which nodes of
+    creases of the surface; free (n, 3, 3): ways that supports leave the nodes, by rows; joined (nx,): which nodes of
     the surface the master has, too. Collective.
     """
 
@@ -68,14 +72,18 @@ class SlaveFacets:
         own = np.isin(ends, self.own)
         mine = own.any(axis=1)
         self.nodes, self.corners = np.ascontiguousarray(every[mine]), np.ascontiguousarray(ends[mine])
-        self.number = np.where(own[mine], np.searchsorted(self.own, self.corners), -1)
+        self._size = int(size[0]) if len(size) else m
+        self.normals = CornerNormals(skin.X, every, self.shapes(RINGS[m])[1], mine)
+        self.groups, self.group = self.normals.groups, np.ascontiguousarray(self.normals.group[mine])
+        here, self.number = own[mine], np.full(self.corners.shape, -1)
+        pairs = np.column_stack([np.searchsorted(self.own, self.corners[here]), _sides(self.groups)[self.group[here]]])
+        pairs, number = np.unique(pairs, axis=0, return_inverse=True)
+        self.number[here], self.of = number.ravel(), pairs[:, 0]
+        self.own = self.own[self.of]
         f, c = np.nonzero(self.number >= 0)
         order = np.argsort(self.number[f, c], kind="stable")
         self.facets, self.places, owner = f[order], c[order], self.number[f, c][order]
         self.starts = np.searchsorted(owner, np.arange(len(self.own) + 1))
-        self._size = int(size[0]) if len(size) else m
-        self.normals = CornerNormals(skin.X, every, self.shapes(RINGS[m])[1], mine)
-        self.groups, self.group = self.normals.groups, np.ascontiguousarray(self.normals.group[mine])
         part = QUADRATIC if skin.whole else LINEAR
         # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
         strip = skin.section is not None
@@ -86,9 +94,20 @@ class SlaveFacets:
         self._room = len(self.whole[2])  # for samples
         N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
         self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
-        self.ends = np.isin(self.corners, self._ends(free)) & ~joined[self.corners]  # there it goes on
+        self.ends = np.isin(self.corners, self._ends(free[self.of])) & ~joined[self.corners]  # there it goes on
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
         self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
+
+    def parted(self, surface: SlaveSurface) -> SlaveSurface:
+        """The nodes of a surface as they are here, with their parts of the area. Collective."""
+        of, here, comm = self.of, self.number >= 0, self._skin.comm
+        area = np.bincount(self.number[here], self.parts[here], len(of))
+        part = (area / np.bincount(of, area, len(surface.area))[of])[:, None]
+        side = np.arange(len(of)) - np.searchsorted(of, of)
+        key = surface.key[of] + side * (1 + max(comm.allgather(surface.key.max(initial=0))))
+        names = "nodes", "a", "area", "X", "stiffness", "height", "spacing", "cut_off"
+        out = replace(surface, key=key, **{name: getattr(surface, name)[of] for name in names})
+        return replace(out, area=part * out.area)
 
     def shapes(self, places: Floats) -> tuple[Floats, Floats]:
         """Shape functions (nq, k) of the facets' nodes and their gradients (nq, 2, k) at places (nq, 2)."""
@@ -154,6 +173,21 @@ class SlaveFacets:
         normals = np.unique(np.column_stack([self.corners.ravel(), self.group.ravel()]), axis=0)
         nodes, several = np.unique(normals[:, 0], return_counts=True)
         return np.union1d(pairs[ends], nodes[several > 1])
+
+
+def _sides(groups: Groups) -> Ints64:
+    """For each group the first of those that lie on the same side of all creases: they share facets at their node, or with
+    others that do."""
+    starts, facets, places = groups[:3]
+    group = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    _, corner = np.unique(np.column_stack([facets, places]), axis=0, return_inverse=True)
+    corner, out = corner.ravel(), np.arange(len(starts) - 1)
+    while True:
+        before, least = out.copy(), np.full(len(group), len(out))
+        np.minimum.at(least, corner, out[group])
+        np.minimum.at(out, group, least[corner])
+        if np.array_equal(out, before):
+            return out
 
 
 class Samples:
