@@ -23,7 +23,7 @@ ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in c
 STRETCHED = 0.05  # change of the area in contact from which on a law of friction that knows pressures is off by it
 IN_CONTACT = np.array([CLOSED, SLIP, STICK])
 MEANS = ("pressure", "gap", "slip")  # what is between corners of degree 2 the mean of theirs, friction too
-SUMS = 16  # numbers that are summed at a node
+SUMS = 17  # numbers that are summed at a node
 ROUNDED = 1e-9  # weight of a corner that a node does not lie beside
 TINY = 1e-200  # in the place of a pressure that is none: such points still have a status
 # Of its share of the facets around: a node that keeps less present area has no pressure of its own. On a facet of degree 2
@@ -36,7 +36,8 @@ class NodalContact:
     """At all local nodes (n,), ghosts too; what is no slave node is not `on`.
 
     area: current one of the slave surface that belongs to a node [length^2]; pressure, friction (n, 3): tractions on the
-    current area [pressure], where a facet has folded over at a node on its share, as at the start, of that of the facets
+    current area [pressure], of an edge on that of the side that presses, where a facet has folded over at a node on its
+    share, as at the start, of that of the facets
     around; gap, slip: means over the points around a node, slip along the way [length]; status: codes of
     kernels/status.py, open where nothing presses, else that of the points around that press most in sum; closed: share of
     the node's area in contact; covered: share of it that lies over the master; stretch: that area over the one at the start.
@@ -95,30 +96,45 @@ class SlaveNodes:
         covered = contact.forces.covered(state)
         status = contact.forces.status(state)
         closed = np.where(status != OPEN, covered, 0.0)
-        values = np.stack([np.ones_like(pressure), pressure, response.gap, closed, covered, h.slip_path], axis=-1)
+        tells = self._telling(status != OPEN)
+        values = np.stack(
+            [np.ones_like(pressure), pressure, tells * response.gap, closed, covered, tells * h.slip_path, tells], axis=-1
+        )
         values = np.concatenate([values, friction], axis=-1)
         held = (status[..., None] == IN_CONTACT) * np.maximum(pressure, TINY)[..., None]
         sums = self._sums.array.reshape(-1, SUMS)
         sums[:] = 0.0
-        np.add.at(sums[:, 2:11], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
-        np.add.at(sums[:, 11:14], s.nodes, np.einsum("eqk,eqv->ekv", np.abs(self._share), held))
+        np.add.at(sums[:, 2:12], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
+        np.add.at(sums[:, 12:15], s.nodes, np.einsum("eqk,eqv->ekv", np.abs(self._share), held))
         areas, skin = self._areas(), self.skin
         around = np.stack([areas, skin.area]) * self._over_depth
         np.add.at(sums[:, 0], skin.nodes, np.einsum("eq,eqk->ek", areas, self._lumped))
         np.add.at(sums[:, 1], skin.nodes, np.einsum("eq,eqk->ek", around[0], self._lumped))
-        np.add.at(sums[:, 14:], skin.nodes, around.sum(axis=2).T[:, None])
+        np.add.at(sums[:, 15:], skin.nodes, around.sum(axis=2).T[:, None])
         compat.sum_to_owners(self._sums)
         compat.copy_to_ghosts(self._sums)
-        area, now, weight, means, held = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:11], sums[:, 11:14]
+        area, now, weight, means, held = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:12], sums[:, 12:15]
         on = weight > 0.0
-        shared = weight * np.divide(sums[:, 14], sums[:, 15], out=np.zeros_like(now), where=on)
+        shared = weight * np.divide(sums[:, 15], sums[:, 16], out=np.zeros_like(now), where=on)
         now = np.where(now < FOLDED * shared, shared, now)
-        mean, per_area = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, now))
-        gap, closed, covered, slip = (means[:, 1:5] * mean[:, None]).T
-        pressure, friction = means[:, 0] * per_area, means[:, 5:] * per_area[:, None]
+        mean = np.divide(1.0, weight, out=np.zeros_like(weight), where=on)
+        told = means[:, 5] * mean
+        per_area, of_told = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (now * told, means[:, 5]))
+        gap, closed, covered, slip = (means[:, 1:5] * np.stack([of_told, mean, mean, of_told], axis=1)).T
+        pressure, friction = means[:, 0] * per_area, means[:, 6:] * per_area[:, None]
         presses = (held > 0.0).any(axis=1) & ((closed > 0.0) | (pressure > 0.0))
         status = np.where(presses, IN_CONTACT[held.argmax(axis=1)], OPEN)
         return NodalContact(on, area, pressure, friction, gap, slip, status, closed, covered, now * mean)
+
+    def _telling(self, closed: Bools) -> Floats:
+        """1 at the points (ne, nq) whose values a node is to show, else 0: of those on both sides of an edge, which lie at
+        one node, those that press, if any does."""
+        s = self.contact.surface
+        if not s.at_nodes:
+            return np.ones(closed.shape)
+        pressed = np.zeros(len(self.reference), dtype=bool)
+        pressed[s.nodes[closed[:, 0]]] = True
+        return np.where(closed | ~pressed[s.nodes[:, :1]], 1.0, 0.0)
 
     def whole(self, at: NodalContact) -> NodalContact:
         """The same, and at nodes of degree 2 between corners that alone have values, as averages have, the means of these;
