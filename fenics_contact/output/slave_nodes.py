@@ -130,7 +130,7 @@ class SlaveNodes:
         """1 at the points (ne, nq) whose values a node is to show, else 0: of those on both sides of an edge, which lie at
         one node, those that press, if any does."""
         s = self.contact.surface
-        if not s.at_nodes:
+        if s.gradients is not None:  # points of facets
             return np.ones(closed.shape)
         pressed = np.zeros(len(self.reference), dtype=bool)
         pressed[s.nodes[closed[:, 0]]] = True
