@@ -298,7 +298,7 @@ def test_solves_do_not_grow_with_the_penalty():
 def test_slave_and_master_may_be_swapped():
     plain, force = ironed(10, 4, friction=0.3)
     swapped, other = ironed(10, 4, swapped=True, friction=0.3)
-    assert swapped.verdict.cuts == 0 and swapped.verdict.iterations <= 2 * plain.verdict.iterations
+    assert swapped.verdict.cuts == 0 and swapped.verdict.iterations <= 1.6 * plain.verdict.iterations
     assert np.abs(other / force + 1).max() < 0.02  # the forces' other way; the discretisation's error
 
 
