@@ -23,24 +23,25 @@ ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in c
 STRETCHED = 0.05  # change of the area in contact from which on a law of friction that knows pressures is off by it
 IN_CONTACT = np.array([CLOSED, SLIP, STICK])
 MEANS = ("pressure", "gap", "slip")  # what is between corners of degree 2 the mean of theirs, friction too
-SUMS = 17  # numbers that are summed at a node
+SUMS = 18  # numbers that are summed at a node
 ROUNDED = 1e-9  # weight of a corner that a node does not lie beside
 TINY = 1e-200  # in the place of a pressure that is none: such points still have a status
 # Of its share of the facets around: a node that keeps less present area has no pressure of its own. On a facet of degree 2
 # that folds over at its corner the shape functions leave it less than none
 FOLDED = 0.1
+FACING = 0.5  # cosine of a facet's normal with what presses a node of it, from which on the facet is among what is pressed
 
 
 @dataclass(frozen=True)
 class NodalContact:
     """At all local nodes (n,), ghosts too; what is no slave node is not `on`.
 
-    area: current one of the slave surface that belongs to a node [length^2]; pressure, friction (n, 3): tractions on the
-    current area [pressure], of an edge on that of the side that presses, where a facet has folded over at a node on its
-    share, as at the start, of that of the facets
-    around; gap, slip: means over the points around a node, slip along the way [length]; status: codes of
-    kernels/status.py, open where nothing presses, else that of the points around that press most in sum; closed: share of
-    the node's area in contact; covered: share of it that lies over the master; stretch: that area over the one at the start.
+    area: current one of the slave surface that belongs to a node, of an edge that of the sides that are pressed [length^2];
+    pressure, friction (n, 3): tractions on that area [pressure], where a facet has folded over at a node on its share, as at
+    the start, of that of the facets around; gap, slip: means over the points around a node, slip along the way [length];
+    status: codes of kernels/status.py, open where nothing presses, else that of the points around that press most in sum;
+    closed: share of the node's area in contact; covered: share of it that lies over the master; stretch: all area of the
+    facets around over that at the start.
     """
 
     on: Bools
@@ -96,11 +97,10 @@ class SlaveNodes:
         covered = contact.forces.covered(state)
         status = contact.forces.status(state)
         closed = np.where(status != OPEN, covered, 0.0)
-        tells = self._telling(status != OPEN)
-        values = np.stack(
-            [np.ones_like(pressure), pressure, tells * response.gap, closed, covered, tells * h.slip_path, tells], axis=-1
-        )
-        values = np.concatenate([values, friction], axis=-1)
+        tells, pressed = self._telling(status != OPEN), self._pressed()
+        values = np.stack([np.ones_like(pressure), pressure, response.gap, closed, covered, h.slip_path], axis=-1)
+        values[..., 2:] *= tells[..., None]
+        values = np.concatenate([values, tells[..., None], friction], axis=-1)
         held = (status[..., None] == IN_CONTACT) * np.maximum(pressure, TINY)[..., None]
         sums = self._sums.array.reshape(-1, SUMS)
         sums[:] = 0.0
@@ -108,19 +108,23 @@ class SlaveNodes:
         np.add.at(sums[:, 12:15], s.nodes, np.einsum("eqk,eqv->ekv", np.abs(self._share), held))
         areas, skin = self._areas(), self.skin
         around = np.stack([areas, skin.area]) * self._over_depth
-        np.add.at(sums[:, 0], skin.nodes, np.einsum("eq,eqk->ek", areas, self._lumped))
-        np.add.at(sums[:, 1], skin.nodes, np.einsum("eq,eqk->ek", around[0], self._lumped))
-        np.add.at(sums[:, 15:], skin.nodes, around.sum(axis=2).T[:, None])
+        parts = np.einsum("eq,eqk->ek", around[0], self._lumped)
+        np.add.at(sums[:, 0], skin.nodes, pressed * np.einsum("eq,eqk->ek", areas, self._lumped))
+        np.add.at(sums[:, 1], skin.nodes, parts)
+        np.add.at(sums[:, 15:17], skin.nodes, around.sum(axis=2).T[:, None])
+        np.add.at(sums[:, 17], skin.nodes, pressed * parts)
         compat.sum_to_owners(self._sums)
         compat.copy_to_ghosts(self._sums)
         area, now, weight, means, held = sums[:, 0].copy(), sums[:, 1], sums[:, 2], sums[:, 3:12], sums[:, 12:15]
         on = weight > 0.0
         shared = weight * np.divide(sums[:, 15], sums[:, 16], out=np.zeros_like(now), where=on)
-        now = np.where(now < FOLDED * shared, shared, now)
-        mean = np.divide(1.0, weight, out=np.zeros_like(weight), where=on)
-        told = means[:, 5] * mean
-        per_area, of_told = (np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (now * told, means[:, 5]))
-        gap, closed, covered, slip = (means[:, 1:5] * np.stack([of_told, mean, mean, of_told], axis=1)).T
+        folded = now < FOLDED * shared
+        now = np.where(folded, shared, now)
+        under = np.where(folded | ~(sums[:, 17] > 0.0), now, sums[:, 17])
+        mean, of_told, per_area = (
+            np.divide(1.0, of, out=np.zeros_like(of), where=on) for of in (weight, means[:, 5], under)
+        )
+        gap, closed, covered, slip = (means[:, 1:5] * of_told[:, None]).T
         pressure, friction = means[:, 0] * per_area, means[:, 6:] * per_area[:, None]
         presses = (held > 0.0).any(axis=1) & ((closed > 0.0) | (pressure > 0.0))
         status = np.where(presses, IN_CONTACT[held.argmax(axis=1)], OPEN)
@@ -132,9 +136,25 @@ class SlaveNodes:
         s = self.contact.surface
         if s.gradients is not None:  # points of facets
             return np.ones(closed.shape)
-        pressed = np.zeros(len(self.reference), dtype=bool)
-        pressed[s.nodes[closed[:, 0]]] = True
-        return np.where(closed | ~pressed[s.nodes[:, :1]], 1.0, 0.0)
+        presses = np.zeros(len(self.reference), dtype=bool)
+        presses[s.nodes[closed[:, 0]]] = True
+        return np.where(closed | ~presses[s.nodes[:, :1]], 1.0, 0.0)
+
+    def _pressed(self) -> Bools:
+        """At which nodes (nf, k) of the facets these look towards what presses there, where slave points are nodes: a flank
+        beside an edge may be named with it, but its area bears nothing. All of them where nothing presses. Collective."""
+        s, skin = self.contact.surface, self.skin
+        if s.gradients is not None:  # facets have points of their own
+            return np.ones(skin.nodes.shape, dtype=bool)
+        sums, state = self._sums.array.reshape(-1, SUMS), self._system.state
+        sums[:] = 0.0
+        against = self.contact.response(state).traction + self.contact.forces.split_traction(state)[1]
+        np.add.at(sums[:, :3], s.nodes[:, 0], s.area * against[:, 0])
+        compat.copy_to_ghosts(self._sums)
+        x = skin.X + state.u.x.array.reshape(-1, 3)[skin.nodes]
+        normal, push = np.cross(*skin.tangents(x)).sum(axis=1), sums[:, :3][skin.nodes]
+        size = np.linalg.norm(normal, axis=1)[:, None] * np.linalg.norm(push, axis=2)
+        return np.asarray(np.einsum("ec,ekc->ek", normal, push) >= FACING * size)
 
     def whole(self, at: NodalContact) -> NodalContact:
         """The same, and at nodes of degree 2 between corners that alone have values, as averages have, the means of these;
@@ -206,7 +226,7 @@ class SlaveNodes:
         # a facet between nodes that all touch is in contact as a whole, though single points of it may be open just now
         whole = touched[self.skin.corners].all(axis=1)
         share = np.where(whole[:, None], at.covered[self.skin.nodes], at.closed[self.skin.nodes])
-        area = comm.allreduce(float(np.einsum("ek,eq,eqk->", share, self._areas(), self._lumped)))
+        area = comm.allreduce(float(np.einsum("ek,eq,eqk->", self._pressed() * share, self._areas(), self._lumped)))
         peak, place = self._peak(at, x)
         return Zone(peak, place, area, self._width(touched, x))
 
