@@ -164,4 +164,4 @@ def _stepper(
     stepper = Augmented(stepper) if system.augmented else stepper
     stepper = Entering(stepper) if system.fluids else stepper
     springs = system.grounding if steady else None
-    return plain, softened, Held(Adapted(Following(stepper))) if springs else Adapted(stepper)
+    return plain, softened, Held(Adapted(Following(stepper), solver)) if springs else Adapted(stepper, solver)

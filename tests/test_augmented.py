@@ -315,7 +315,7 @@ def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
     contact, reports, verdict = system.contacts[0], [], Verdict()
     leg = {"the load": lambda: system.state.t - 1.0}
     arc = ArcLength(LinearSolver(system, afresh=True))
-    path = Path(system, arc, Adapted(Augmented(arc, limit=8)), ArcSteps(until=None, first=0.5), Course([leg]))
+    path = Path(system, arc, Adapted(Augmented(arc, limit=8), arc.linear), ArcSteps(until=None, first=0.5), Course([leg]))
     path.follow(lambda report, *_: reports.append(report), verdict)
     assert verdict.converged and abs(system.state.t - 1.0) <= 1e-6, verdict.reason
     report = reports[-1]

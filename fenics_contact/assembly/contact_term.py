@@ -94,7 +94,12 @@ class ContactPenalties(Protocol):
     def stored(self, state: State) -> float: ...
 
     def raised(
-        self, state: State, strain: Callable[[], float], stored: tuple[float, float], noise: float
+        self,
+        state: State,
+        strain: Callable[[], float],
+        cost: Callable[[], float],
+        stored: tuple[float, float],
+        noise: float,
     ) -> tuple[Trial, str] | None: ...
 
     def room(self, state: State) -> float: ...

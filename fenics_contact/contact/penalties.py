@@ -34,6 +34,9 @@ AIM = 0.5  # of that depth: where a raised penalty puts the deepest point under 
 # Of the bodies' energy what the default penalties of all contacts may hold: more raises them, until each holds KEPT of it.
 # That is rubber that cannot escape, K/E times as stiff as the default knows
 YIELDS, KEPT = 0.05, 0.004
+# Likewise where other strains hide that: from which share of the bodies' energy on a solve tells what penalties cost. More
+# than YIELDS of a load raises them, until it is twice KEPT, as energy goes with the square
+DOUBTED = 0.01
 BEYOND = 0.5  # over which what slips from where it rests has a greater trial traction
 LARGEST = 10.0  # times the default; Newton's method fails the more often the stiffer it gets beyond (studies, map_penalty)
 # Under multipliers, for rubber that cannot escape is K/E stiffer than the default knows: times the default at most, and at
@@ -116,12 +119,19 @@ class Penalties:
         squares = contact.trial.law.eps_n[:, None] * contact.led.depths(state) ** 2
         return state.comm.allreduce(float((0.5 * squares * contact.surface.area).sum()))
 
-    def raised(self, state: State, strain: Callable[[], float], stored: tuple[float, float], noise: float) -> Raised | None:
-        """None; or, where a point lies deeper than DEEPEST allows, or penalties hold more energy than YIELDS allows, a trial
-        with greater penalties, and words. Multipliers hold points out of there.
+    def raised(
+        self,
+        state: State,
+        strain: Callable[[], float],
+        cost: Callable[[], float],
+        stored: tuple[float, float],
+        noise: float,
+    ) -> Raised | None:
+        """None; or, where a point lies deeper than DEEPEST allows, or penalties hold more energy or cost more of the load
+        than YIELDS allows, a trial with greater penalties, and words. Multipliers hold points out of there.
 
-        strain(): energy in the bodies; stored: in these penalties, and in those of all contacts; noise: what of it is
-        rounding [force length]. Collective.
+        strain(): energy in the bodies; cost(): part of the load, see `penalty_costs`; stored: in these penalties, and in
+        those of all contacts; noise: what of it is rounding [force length]. Collective.
         """
         if self._contact.penetration is not None or not self._adapts[0]:
             return None
@@ -131,13 +141,17 @@ class Penalties:
         depth, place = self._depth(depths, state.comm)
         if depth > DEEPEST and (room := self.room(state)) > 1.0:
             factor, why = min(depth / (AIM * DEEPEST), room), f"{place} lies {depth:.1%} of a cell deep"
-        elif own > noise and of_all > YIELDS * (held := strain()) and own > KEPT * held:
+        elif own > noise and of_all > DOUBTED * (held := strain()) and own > KEPT * held:
             # what has been raised in vain before stays where it is
             room = self.room(state, np.where(raised[:, 1] < LARGEST, raised[:, 0], STIFFEST))
-            factor = min(own / max(KEPT * held, noise), room)
-            why = f"contact '{contact.name}': its penalties hold {own / max(held, noise):.0%} of the bodies' energy"
             if room == 1.0:
                 return None
+            part, least, of = own / max(held, noise), KEPT, "hold {:.0%} of the bodies' energy"
+            if of_all <= YIELDS * held:
+                part, least, of = cost(), 2.0 * KEPT, "change its force by about {:.0%} of the load"
+                if part <= YIELDS:
+                    return None
+            factor, why = min(part / least, room), f"contact '{contact.name}': its penalties {of.format(part)}"
         else:
             return None
         if self._adapts[1]:

@@ -1,13 +1,15 @@
 """Steps solved again with better multipliers, until no error is left that matters, or with greater penalties."""
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import MEMORY, TOO_SOFT
 from fenics_contact.assembly.system import System
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.penalty_error import penalty_costs
 from fenics_contact.solvers.report import UNKEPT, Corrected, Goal, NearTo, Report, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, StepFailed
 
@@ -229,8 +231,13 @@ def _exhausted(system: System, report: StepReport) -> StepFailed:
 class Adapted(Corrected[Goal, Report]):
     """Default penalties that are raised, and the step solved again, where slave points sink in too far.
 
-    Where a step cannot be solved with greater penalties it is taken with those there were. stepper: as in Augmented, or one.
+    Where a step cannot be solved with greater penalties it is taken with those there were. stepper: as in Augmented, or one;
+    linear: solves for what penalties cost, where what else strains the bodies hides it.
     """
+
+    def __init__(self, stepper: NearTo[Goal, Report], linear: LinearSolver) -> None:
+        super().__init__(stepper)
+        self._linear = linear
 
     def _corrected(
         self,
@@ -243,31 +250,41 @@ class Adapted(Corrected[Goal, Report]):
         report = solve(system, goal)
         for contact in forgone:  # now, for a stepper that drops a try drops this with it
             contact.take(contact.penalties.held_back())
-        while raised := raise_penalties(system, report, forgone):
+        while raised := raise_penalties(system, self._linear, report, forgone):
             try:
                 with system.foresight.holding_samples():
                     report.add(self.stepper.settle(system, goal))
             except StepFailed as failure:
                 system.trail.rollback()
-                report.notes.append(f"not solved with them ({failure}): penalties stay in this step")
+                report.notes.append(
+                    f"not solved with them ({failure}): penalties stay in this step; penetration= does without"
+                )
                 report.add(self._corrected(system, goal, solve, (*forgone, *raised)))
                 return report
         return report
 
 
-def raise_penalties(system: System, report: StepReport, forgone: tuple[ContactTerm, ...] = ()) -> list[ContactTerm]:
+def raise_penalties(
+    system: System, linear: LinearSolver, report: StepReport, forgone: tuple[ContactTerm, ...] = ()
+) -> list[ContactTerm]:
     """The terms that have raised their penalties at a state near balance, which is then to be solved again; those that have
     forgone it do not. Collective."""
     if report.residuals[-1] > BALANCED:
         return []
-    found, strain = {}, cache(system.strain_energy)  # which few contacts ask for
+    found, strain, costs = (
+        {},
+        cache(system.strain_energy),
+        cache(partial(penalty_costs, system, linear)),
+    )  # few ask for these
     stored, noise = (
         {contact: contact.penalties.stored(system.state) for contact in system.contacts},
         system.scales.noise_energy,
     )
     for contact, own in stored.items():
-        both = own, sum(stored.values())
-        if contact not in forgone and (raised := contact.penalties.raised(system.state, strain, both, noise)):
+        if contact in forgone:
+            continue
+        both, cost = (own, sum(stored.values())), lambda name=contact.name: costs().get(name, 0.0)
+        if raised := contact.penalties.raised(system.state, strain, cost, both, noise):
             trial, found[contact] = raised
             contact.take(trial)
     report.notes += found.values()

@@ -212,16 +212,21 @@ class Newton:
     def _shorten(self, system: System, du: Vec, dq: Floats, before: float, size: float, strict: bool) -> float:
         """Where a full step does not lower the out-of-balance force, halve it while that helps; returns the share left.
 
+        Where no part lowers it, as of nearly incompressible cells carried far, and there is no contact, all of it is taken.
         Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
         hundredth of a tangent solve.
         """
-        share = 1.0
+        share, whole = 1.0, size
         while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
             shorter = _move(system, du, dq, share, 0.5 * share)
             if shorter >= size and np.isfinite(size) and not strict:
                 _move(system, du, dq, 0.5 * share, share)
                 break
             share, size = 0.5 * share, shorter
+        else:
+            # no part lowers it, and the shortest ones would creep; kinks of contacts a whole step may pass the wrong way
+            if size > before and np.isfinite(whole) and not system.contacts:
+                size = _move(system, du, dq, share, 1.0)
         return upright(size)
 
 

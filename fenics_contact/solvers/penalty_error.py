@@ -10,11 +10,13 @@ from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.section import Section, adding_up
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trial import Trial
-from fenics_contact.solvers.sensitivity import Sensitivity, Vary
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.sensitivity import Change, Sensitivity, Vary, sensitivities
 
 # Of the peak pressure: a greater change is no small one, and the peak (at a corner, an edge) is the penalty's as much as the
 # bodies'. With springs in series a third of the present value is half of it in truth.
 UNSETTLED = 1 / 3
+OPENS = 0.5  # of a change: what points that would pull have of it, from which on no first order tells it
 
 
 def stiffer(system: System) -> Vary:
@@ -47,15 +49,35 @@ def penalty_error(system: System, found: Sensitivity, section: Section | None) -
         peak = highest.value if highest else 0.0
         after = max(system.comm.allgather((change.pressure + change.to_pressure).max(initial=0.0)))
         grown = after - peak if abs(after - peak) <= UNSETTLED * peak else None
-        pulls = np.minimum(change.pressure + change.to_pressure, 0.0) @ term.surface.area.ravel()
         pressed = {"load": change.load, "load_change": change.to_load, "peak": peak, "peak_change": grown}
-        pressed["opening"] = -float(system.comm.allreduce(pulls))
+        pressed["opening"] = _opening(system, term, change)
         if not change.load > least:  # nothing presses there
             pressed = dict.fromkeys(pressed, 0.0)
         force = np.where(adds_up & (change.load > least), change.to_force, 0.0)
         out[term.name] = {"force_change": force, "peak_at": highest.place.tolist() if highest else []} | pressed
     dq = np.where(np.abs(found.tools) > ALLOWED * system.extent, found.tools, 0.0)
     return {"contacts": out, "travel_change": dq[:, :3], "angle_change": dq[:, 3:] / system.state.poses.lever}
+
+
+def penalty_costs(system: System, linear: LinearSolver) -> dict[str, float]:
+    """By contact the part of its load by which that, or its force, would change were all penalties endless, to first order;
+    {} where the tangent is singular, and none of a contact where points that would pull by then, and open before, have most
+    of that. Collective."""
+    found, least, costs = sensitivities(system, linear, [stiffer(system)]), least_load(system), dict[str, float]()
+    if found is None:
+        return costs
+    for term in system.contacts:
+        change = found[0].contacts[term.name]
+        most = max(float(np.linalg.norm(change.to_force)), abs(change.to_load))
+        if change.load > least and _opening(system, term, change) < OPENS * most:
+            costs[term.name] = most / change.load
+    return costs
+
+
+def _opening(system: System, term: ContactTerm, change: Change) -> float:
+    """Force with which points would pull were all penalties endless, to first order. Collective."""
+    pulls = np.minimum(change.pressure + change.to_pressure, 0.0) @ term.surface.area.ravel()
+    return -float(system.comm.allreduce(pulls))
 
 
 def least_load(system: System) -> float:
