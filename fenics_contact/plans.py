@@ -30,6 +30,8 @@ from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown
 
+BEYOND = 0.05  # of all its way: what a path goes beyond both ends of a step, and back, from which on that is said
+PARTS = 8  # of a step, in which its paths are looked at
 STEADY = "load steps that end in balance, by method 'newton' or 'snes'"
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, ARC_LENGTH: ArcLength}
 
@@ -38,7 +40,7 @@ STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, ARC_LENG
 class Plan:
     """How a stage is carried out: by a stepper to each of its shares s, or along a Path; solver: the stepper's; softened:
     Newton's stepper with softer penalties where these help, None of other methods; arcs: whether the scene may be followed
-    by arc length too."""
+    by arc length too; notes: what its steps pass by."""
 
     stage: Stage
     shares: Floats
@@ -47,6 +49,7 @@ class Plan:
     path: Path | None
     softened: Softened | None
     arcs: bool
+    notes: list[str]
 
 
 def schedule(stage: Stage) -> tuple[ArcSteps | None, Floats]:
@@ -95,7 +98,8 @@ def plans_of(
                 legs = [distances(end, scene, system) for end in (arcs.until, arcs.back) if end is not None]
                 stations = distances(list(arcs.stations), scene, system)
                 path = Path(system, plain, stepper, arcs, Course(legs, stations, _fork(arcs, scene, system)))
-        plans.append(Plan(stage, shares, solver, stepper, path, softened, not _steady_alone(built)))
+            notes = [] if arcs else [stage.says(note) for note in passed_by(system, shares)]
+        plans.append(Plan(stage, shares, solver, stepper, path, softened, not _steady_alone(built), notes))
     system.set_loads(0.0)
     if system.damped and not any(isinstance(steppers[str(stage.method)][0], Newton | Snes) for stage in stated):
         raise SceneError(f"damping=True needs {STEADY}; leave it out, or choose such steps")
@@ -130,6 +134,33 @@ def carry(system: System, plans: Sequence[Plan], kept: OnStep, verdict: Verdict,
             verdict.reason = plan.stage.says(verdict.reason)
             return
     judge_balance(verdict)
+
+
+def passed_by(system: System, shares: Floats) -> list[str]:
+    """A note for each tool and each support with a path that turns within a step of the stage that is on, and goes beyond
+    both its ends, which no step sees. Collective."""
+    ends = [system.stages.time(s) for s in (0.0, *shares)]
+    times = np.concatenate([np.linspace(a, b, PARTS + 1) for a, b in zip(ends, ends[1:], strict=False)])
+    tools = np.array([system.tools.prescribed(t) for t in times])
+    paths = {f"tool '{name}'": tools[:, i] for i, name in enumerate(system.tools.names)}
+    supports = [system.supports.entries.sampled([t]) for t in times]
+    paths |= {name: np.array([at[name] for at in supports]) for name in (supports[0] if supports else ())}
+    notes = []
+    for name, path in paths.items():
+        whole, x = np.ptp(path, axis=0), path.reshape(len(shares), PARTS + 1, -1)
+        first, last = x[:, 0], x[:, -1]
+        beyond = np.maximum(x - np.maximum(first, last)[:, None], np.minimum(first, last)[:, None] - x)
+        part = np.divide(beyond, whole, out=np.zeros_like(beyond), where=whole > 0.0)
+        if not part.max(initial=0.0) > BEYOND:
+            continue
+        step, at, _ = np.unravel_index(part.argmax(), part.shape)
+        turns = times[step * (PARTS + 1) + at]
+        notes.append(
+            f"{name}: its path turns about t = {turns:.3g}, within a step from t = {ends[step]:.6g} to "
+            f"{ends[step + 1]:.6g}, and goes back by {part.max():.0%} of its way, which no step sees: let a step end where "
+            "it turns"
+        )
+    return notes
 
 
 def _refuse_nan(system: System, shares: Floats) -> None:

@@ -124,7 +124,7 @@ def solve(
     keeper = Keeper(output, system, steppers, told, left) if output.checkpoint else None
     kept = Recorder(scene, built, output, keeper, (columns, extra), any(plan.path for plan in plans))
     setup = timers.table()["total"]
-    kept.remark([*scene.notes, *built.notes])
+    kept.remark([*scene.notes, *built.notes, *(note for plan in plans for note in plan.notes)])
     _carried(scene, system, plans, kept, numerics.smallest_step)
     if keeper:
         keeper.keep_last()

@@ -269,6 +269,24 @@ def test_nodes_on_edges_of_the_slave_are_told_where_the_law_asks_for_pressures(p
     assert told == {(True, False): True, (False, False): False, (True, True): False}
 
 
+@pytest.mark.parametrize("how", ["tool", "support"])
+def test_a_path_that_turns_within_a_step_is_told(how):
+    """Led to 0.8 at t = 0.5 and back: five steps end at 0.64 before and after that, which ten do not."""
+    notes = []
+    for steps in (5, 10):
+        mesh = read_gmsh(rectangles.build, rectangles={"box": ((0, 0), (2, 2), (2, 2))})
+        scene, move = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane="strain"), {}
+        scene.fix("box_ymin")
+        if how == "tool":
+            scene.tie("box_ymax", hub := rigid_hub("hub"))
+            move = {hub: Motion(x=lambda t: 0.8 - 1.6 * abs(t - 0.5))}
+        else:
+            scene.prescribe("box_ymax", "x", lambda X, t: np.full(len(X), 0.8 - 1.6 * abs(t - 0.5)))
+        notes.append(solve(scene, move=move, steps=steps).require().verdict.notes)
+    told = "its path turns about t = 0.5, within a step from t = 0.4 to 0.6, and goes back by 20% of its way"
+    assert sum(told in note for note in notes[0]) == 1 and not any("turns" in note for note in notes[1])
+
+
 # -- rounding is nothing to remark on ---------------------------------------------------------------------------------
 def under_a_lid():
     mesh = read_gmsh(rectangles.build, rectangles={"lower": ((0.0, -4.0), (10.0, 4.0), (10, 4))})
