@@ -1,7 +1,7 @@
 """How each stage of a run is carried out: its method's stepper, what corrects that one's states, and where steps end."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,12 +116,21 @@ def _fork(arcs: ArcSteps, scene: Scene, system: System) -> Fork | None:
     return Fork(branch.dofs(scene, system), branch.towards, branch.number)
 
 
-def carry(system: System, plans: Sequence[Plan], kept: OnStep, verdict: Verdict, smallest: float | None) -> None:
-    """Go through the stages that are left, until one fails; the verdict says so."""
+def carry(
+    system: System,
+    plans: Sequence[Plan],
+    kept: OnStep,
+    verdict: Verdict,
+    smallest: float | None,
+    ended: Callable[[Plan], None],
+) -> None:
+    """Go through the stages that are left, until one fails; the verdict says so. ended(plan): called where a stage has ended
+    and another follows, on all ranks."""
     stages = system.stages
     watches = {id(plan.solver): PivotWatch(system, plan.solver, verdict, kept, plan.arcs) for plan in plans}
     for plan in plans[stages.index :]:
         if plan.stage is not plans[stages.index].stage:
+            ended(plans[stages.index])
             system.trail.next_stage(system.ending())
             verdict.longest = math.inf
         if plan.path:

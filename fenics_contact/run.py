@@ -140,7 +140,7 @@ def solve(
 def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder, timers: Timers) -> Summary:
     """What summary.json says of a run that has ended, but for its seconds, remarked too. Collective."""
     system, verdict, noise = built.system, kept.verdict, built.system.scales.noise
-    loads = greatest_loads(kept.history, [c.name for c in system.contacts], scene.units)
+    travel, loads = _greatest(scene, system, kept)
     kept.remark(verdict.last_notes())
     if verdict.converged:
         unmet = [c.findings.never_met(system.state, loads[c.name], noise) for c in system.contacts]
@@ -159,7 +159,6 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     with timers("penalty error"):
         solver = plans[system.stages.index].solver
         error, chords, nodes = _errors(system, solver, scene.section) if verdict.converged else (None, {}, {})
-    travel = greatest_travels(kept.history, [tool.name for tool in scene.tools], scene.units)
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     summary["node_error"] = node_summary(nodes, scene.units)
@@ -208,7 +207,7 @@ def _told(scene: Scene, kept: Recorder, summary: Summary) -> list[str]:
 def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder, smallest_step: float | None) -> None:
     """The run's steps. Where a function of the user's raises, what was accepted stays readable and summary.json says why."""
     try:
-        carry(system, plans, kept, kept.verdict, smallest_step)
+        carry(system, plans, kept, kept.verdict, smallest_step, lambda plan: _stage_ended(scene, system, plan, kept))
     except SceneError as error:
         kept.verdict.stop(Finding(ERROR, str(error)), system.state.t, len(kept.history) + 1)
         if kept.writer:
@@ -216,6 +215,25 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
         raise
     finally:
         kept.bar.close()
+
+
+def _stage_ended(scene: Scene, system: System, plan: Plan, kept: Recorder) -> None:
+    """What penalties cost where a stage ends: that of the last one may have let go what this has pressed. Collective."""
+    if any(contact.findings.misstated(system.state) for contact in system.contacts):
+        return
+    with system.timers("penalty error"):
+        found = sensitivities(system, plan.solver, [stiffer(system)])
+    if found is not None:
+        names = [tool.name for tool in scene.tools]
+        cost = penalty_summary(penalty_error(system, found[0], scene.section), names, scene.units)
+        travel, loads = _greatest(scene, system, kept)
+        kept.remark([plan.stage.says(note) for note in penalty_notes(cost, travel, scene.units, loads)])
+
+
+def _greatest(scene: Scene, system: System, kept: Recorder) -> tuple[dict[str, float], dict[str, float]]:
+    """Of all steps the greatest travels of the tools [length] and loads of the contacts [force]."""
+    travels = greatest_travels(kept.history, [tool.name for tool in scene.tools], scene.units)
+    return travels, greatest_loads(kept.history, [contact.name for contact in system.contacts], scene.units)
 
 
 def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:

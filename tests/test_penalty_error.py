@@ -372,3 +372,19 @@ def test_a_change_that_points_would_pull_for_is_not_said():
         forces.append(result.column("c_force_y_N")[-1])
         assert not [note for note in result.verdict.notes if "penalties change" in note], result.verdict.notes
     assert forces[0] == pytest.approx(forces[1], rel=0.02)
+
+
+@pytest.mark.parallel
+def test_what_penalties_cost_is_said_of_stages_that_others_undo():
+    """A block pressed on a floor and let go again: in the end nothing presses."""
+    notes = []
+    for factor in (2.0, 100.0):
+        mesh = read_gmsh(rectangles.build, rectangles={"block": ((0, 0), (4, 2), (8, 4))})
+        scene = Scene(Body(mesh, "block", neo_hooke(1.0, 5.0)), plane="strain")
+        scene.fix("block_ymax")
+        floor = rigid_plane((0, 0, 0), (0, 1, 0), name="floor")
+        scene.contact("block_ymin", floor, penalty=Penalty(factor=factor), name="c")
+        stages = [Stage("press", move={floor: (0, 0.2, 0)}, steps=2), Stage("let go", move={floor: (0, -0.3, 0)}, steps=2)]
+        notes.append(solve(scene, stages=stages).require().verdict.notes)
+    assert [note for note in notes[0] if note.startswith("stage 'press': contact 'c': its penalties change the force by")]
+    assert not [note for note in notes[1] if "penalties change" in note]
