@@ -110,7 +110,7 @@ def test_springs_to_where_contact_has_carried_a_body_take_no_tangents():
         stages = [Stage("press", move={lid: (0, 0, -1.0)}, steps=3), Stage("roll", move={lid: (10.0, 0, 0)}, steps=10)]
         result = solve(scene, stages=stages, method=Method(stabilise=stabilise)).require()
         tangents.append(result.verdict.iterations)
-    assert tangents[1] <= tangents[0] + 2, tangents
+    assert tangents[1] <= 1.2 * tangents[0], tangents  # 1.7 times as many, did each following take some
 
 
 def test_what_meets_nothing_is_said_to_be_loose():
