@@ -31,6 +31,7 @@ from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown
 
 BEYOND = 0.05  # of all its way: what a path goes beyond both ends of a step, and back, from which on that is said
+ROUNDED = 1e-9  # of the bodies' size: a path that goes no farther is rounding
 PARTS = 8  # of a step, in which its paths are looked at
 STEADY = "load steps that end in balance, by method 'newton' or 'snes'"
 STEPPERS = {"newton": Newton, "incremental": Incremental, "snes": Snes, ARC_LENGTH: ArcLength}
@@ -159,7 +160,7 @@ def passed_by(system: System, shares: Floats) -> list[str]:
         whole, x = np.ptp(path, axis=0), path.reshape(len(shares), PARTS + 1, -1)
         first, last = x[:, 0], x[:, -1]
         beyond = np.maximum(x - np.maximum(first, last)[:, None], np.minimum(first, last)[:, None] - x)
-        part = np.divide(beyond, whole, out=np.zeros_like(beyond), where=whole > 0.0)
+        part = np.divide(beyond, whole, out=np.zeros_like(beyond), where=whole > ROUNDED * system.extent)
         if not part.max(initial=0.0) > BEYOND:
             continue
         step, at, _ = np.unravel_index(part.argmax(), part.shape)

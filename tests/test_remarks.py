@@ -283,6 +283,9 @@ def test_a_path_that_turns_within_a_step_is_told(how):
         else:
             scene.prescribe("box_ymax", "x", lambda X, t: np.full(len(X), 0.8 - 1.6 * abs(t - 0.5)))
         notes.append(solve(scene, move=move, steps=steps).require().verdict.notes)
+    rounds = Motion(x=lambda t: 0.3 * (math.cos(9 * t) ** 2 + math.sin(9 * t) ** 2) - 0.3)
+    if move:
+        assert not any("turns" in note for note in solve(scene, move={hub: rounds}, steps=5).require().verdict.notes)
     told = "its path turns about t = 0.5, within a step from t = 0.4 to 0.6, and goes back by 20% of its way"
     assert sum(told in note for note in notes[0]) == 1 and not any("turns" in note for note in notes[1])
 
