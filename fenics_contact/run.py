@@ -224,9 +224,8 @@ def _stage_ended(scene: Scene, system: System, plan: Plan, kept: Recorder) -> No
     with system.timers("penalty error"):
         found = sensitivities(system, plan.solver, [stiffer(system)])
     if found is not None:
-        names = [tool.name for tool in scene.tools]
-        cost = penalty_summary(penalty_error(system, found[0], scene.section), names, scene.units)
         travel, loads = _greatest(scene, system, kept)
+        cost = penalty_summary(penalty_error(system, found[0], scene.section), list(travel), scene.units)
         kept.remark([plan.stage.says(note) for note in penalty_notes(cost, travel, scene.units, loads)])
 
 

@@ -271,11 +271,8 @@ def raise_penalties(
     forgone it do not. Collective."""
     if report.residuals[-1] > BALANCED:
         return []
-    found, strain, costs = (
-        {},
-        cache(system.strain_energy),
-        cache(partial(penalty_costs, system, linear)),
-    )  # few ask for these
+    # few contacts ask for these
+    found, strain, costs = {}, cache(system.strain_energy), cache(partial(penalty_costs, system, linear))
     stored, noise = (
         {contact: contact.penalties.stored(system.state) for contact in system.contacts},
         system.scales.noise_energy,
