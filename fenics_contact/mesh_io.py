@@ -27,7 +27,7 @@ class Groups(dict[str, Ints64]):
         return "{" + ", ".join(f"{name!r}: {len(nodes)} of them" for name, nodes in self.items()) + "}"
 
 
-@dataclass
+@dataclass(repr=False)
 class NamedMesh:
     """A dolfinx mesh with gmsh's physical groups by name. A plane mesh has surfaces in the place of volumes, and curves in
     that of surfaces.
@@ -46,6 +46,13 @@ class NamedMesh:
     points: dict[str, Ints64]
     doubled: tuple[Meeting, ...] = ()
     touching: tuple[Meeting, ...] = ()
+
+    def __repr__(self) -> str:
+        cells_are, facets_are = ("surfaces", "curves") if self.plane else ("volumes", "surfaces")
+        named = (cells_are, self.volumes), (facets_are, self.surfaces), ("edges", self.edges), ("points", self.points)
+        cells = self.domain.topology.index_map(self.domain.topology.dim).size_global
+        groups = (f"{kind}: {', '.join(names)}" for kind, names in named if names)
+        return f"NamedMesh({cells} cells; {'; '.join(groups)})"
 
     @property
     def comm(self) -> MPI.Comm:

@@ -1,7 +1,7 @@
 """What a run gives back: its history, its verdict, its final state, and pictures of them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,9 +35,11 @@ if TYPE_CHECKING:
 Target = str | PathLike[str] | None  # of a picture
 
 
-@dataclass
+@dataclass(repr=False)
 class Result:
-    """history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
+    """What a run gives back, printed as how it ended, its notes, and its last step's columns.
+
+    history: one dict per accepted step (units in the names); verdict: how the run ended; system: the final state;
     summary: what summary.json holds; scene: what was solved; measured: the final state's contacts, reactions and energies;
     columns: names that a step of the run may have in the history; left: the loads and tools that hold the final state.
     `result.u` is the displacement Function."""
@@ -47,9 +49,15 @@ class Result:
     system: System
     summary: Summary
     scene: Scene
-    measured: Results = field(repr=False)
-    columns: Sequence[str] = field(repr=False)
-    left: Drives = field(repr=False)
+    measured: Results
+    columns: Sequence[str]
+    left: Drives
+
+    def __repr__(self) -> str:
+        last = self.history[-1] if self.history else {}
+        width = max(map(len, last), default=0)
+        shown = {name: value if isinstance(value, str) else f"{value:.6g}" for name, value in last.items()}
+        return "\n".join([str(self.verdict), *(f"  {name:{width}}  {value}" for name, value in shown.items())])
 
     @property
     def u(self) -> Function:

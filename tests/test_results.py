@@ -807,3 +807,22 @@ def test_every_column_is_documented():
     table = text.split("| column | meaning |")[1].split("\n\n")[0]
     told = {name for row in table.splitlines() for name in re.findall(r"`([^`]+)`", row.split("|")[1] if "|" in row else "")}
     assert told == found
+
+
+def test_what_a_user_prints_is_short():
+    """A mesh by its groups, a result by its verdict, its notes and its last step."""
+    mesh = read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2))
+    assert repr(mesh) == "NamedMesh(8 cells; volumes: box; surfaces: zmin, ymin, xmax, ymax, xmin, zmax)"
+    scene = Scene(Body(mesh, "box", RUBBER))
+    scene.fix("zmin")
+    lid = rigid_plane((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), name="lid")
+    scene.contact("zmax", lid, name="top")
+    result = solve(scene, move={lid: Motion(z=-0.1)}, steps=2, out=Output(progress=False))
+    lines = repr(result).splitlines()
+    assert lines[0].startswith("converged (t = 1: 2 steps, ")
+    assert lines[1 : 1 + len(result.verdict.notes)] == [f"note: {note}" for note in result.verdict.notes]
+    last = dict(line.split() for line in lines[1 + len(result.verdict.notes) :])
+    assert list(last) == list(result.history[-1])
+    assert float(last["top_force_z_N"]) == pytest.approx(result.column("top_force_z_N")[-1], rel=1e-5)
+    assert len(repr(result.verdict)) < 500
+    assert repr(result.state()) == "Start(name='the result')"

@@ -1,7 +1,7 @@
 """A run that starts from the last state of another one: what is kept of that, and taken up."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -45,8 +45,8 @@ class Start:
     `drives_left`."""
 
     name: str
-    arrays: dict[str, Any] | None
-    drives: Drives
+    arrays: dict[str, Any] | None = field(repr=False)
+    drives: Drives = field(repr=False)
 
     @property
     def tools(self) -> dict[str, LeftTool]:

@@ -61,12 +61,20 @@ class Verdict:
     residuals: list[list[float]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     causes: dict[str, int] = field(default_factory=dict)
-    said: list[str] = field(default_factory=list)
-    remarked: dict[str, dict[str, tuple[float, float, str]]] = field(default_factory=dict)
-    common: dict[str, tuple[int, str, float, str]] = field(default_factory=dict)
-    resumed: list[int] = field(default_factory=list)
-    smallest: float = 0.0
-    longest: float = math.inf
+    said: list[str] = field(default_factory=list, repr=False)
+    remarked: dict[str, dict[str, tuple[float, float, str]]] = field(default_factory=dict, repr=False)
+    common: dict[str, tuple[int, str, float, str]] = field(default_factory=dict, repr=False)
+    resumed: list[int] = field(default_factory=list, repr=False)
+    smallest: float = field(default=0.0, repr=False)
+    longest: float = field(default=math.inf, repr=False)
+
+    def __str__(self) -> str:
+        """How the run ended, what it took, and its notes, a line each."""
+        took = [(len(self.residuals), "step"), (self.iterations, "tangent"), (self.corrections, "correction")]
+        took += [(self.augmentations, "multiplier update"), (self.cuts, "cut-back")]
+        counts = [f"{count} {what}{'s' * (count != 1)}" for count, what in took if count or what in ("step", "tangent")]
+        lines = [f"{self.reason} (t = {self.t:.6g}: {', '.join(counts)})", *(f"note: {note}" for note in self.notes)]
+        return "\n".join(lines)
 
     def cut(self, failure: StepFailed, what: str) -> None:
         """A step or an arc, `what`, has failed and is tried shorter."""
