@@ -1,5 +1,6 @@
 """What a run says of statements that can be meant, but seldom are."""
 
+import numpy as np
 import pytest
 
 from fenics_contact import Body, Motion, Penalty, Scene, Stage, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
@@ -63,6 +64,36 @@ def test_pressures_that_go_on_under_a_closed_contact():
     scene, lid = pressed()
     scene.pressure("strip_xmax", 0.01)
     assert "goes on beneath" not in notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]
+
+
+def wave(t):
+    """A pressure that is none in the middle and in the end."""
+    return 0.01 * np.sin(2.0 * np.pi * t)
+
+
+@pytest.mark.parametrize(
+    "value, there",
+    [
+        (0.0, False),
+        (lambda t: 0.0, False),
+        (lambda X, t: np.where(X[:, 1] < 0.5, 0.01 * t, 0.0), False),  # on the sides' lower halves alone
+        (wave, True),
+        (lambda X, t: 0.01 * t * (X[:, 1] > 0.9), True),
+    ],
+)
+def test_nothing_is_said_to_go_on_where_there_is_no_pressure(value, there):
+    scene, lid = pressed()
+    scene.pressure(("strip_ymax", "strip_xmax"), value)
+    assert ("goes on beneath contact 'top'" in notes(scene, move={lid: (0.0, -0.1, 0.0)})[1]) == there
+
+
+def test_a_pressure_that_a_later_stage_brings_goes_on():
+    for later in (0.0, 0.01):
+        scene, lid = pressed()
+        scene.pressure("strip_ymax", 0.0)
+        stages = [Stage("lid", move={lid: (0.0, -0.1, 0.0)}), Stage("load", pressures={"strip_ymax": later})]
+        said = "\n".join(solve(scene, steps=1, stages=stages).verdict.notes)
+        assert ("goes on beneath" in said) == (later > 0.0)
 
 
 def test_loads_in_other_units_than_moduli():

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.repeats import Repeats
@@ -16,6 +17,7 @@ from fenics_contact.scene.stage import ARC_LENGTH, Stage
 from fenics_contact.scene.statements import Load, called
 from fenics_contact.scene.symmetry import tilting
 from fenics_contact.solid.materials import young
+from fenics_contact.types import Ints
 
 if TYPE_CHECKING:  # which asks for them
     from fenics_contact.scene.scene import Scene
@@ -23,6 +25,7 @@ if TYPE_CHECKING:  # which asks for them
 HEAVIEST = 10.0  # times Young's modulus: a load on a surface under which no rubber keeps its shape
 ALONG_AXIS = 1e-9  # of a load: what of it may be across an axis, being round-off
 ROUGHEST = 5.0  # friction that rubber hardly has
+ASKED = np.linspace(0.0, 1.0, 24)  # shares of a stage at which loads are asked for; waves are not zero at all of them
 ALONG = (
     "is not the same all along z: what it stands for is its cut by the plane, endless along z; say so by a rigid_cylinder "
     "along z, a rigid_plane, a rigid_extrusion or a rigid_curve, or take a scene in space"
@@ -44,7 +47,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_penalties(system),
         *_images(scene, system),
         *tilting(scene, system, len(stated)),
-        *_pressed(scene, [load for load in loads if not load.shape]),
+        *_pressed(scene, system, [load for load in loads if load.group and not load.shape]),
         *_idle(scene, system, len(stated), loads),
         *_across(scene, system, stated, [load for load in loads if load.shape and load.nodes is None]),
         *_heavy(scene, system, stated, [load for load in loads if load.group]),
@@ -95,20 +98,32 @@ def _images(scene: "Scene", system: System) -> list[str]:
     return list(found.values())
 
 
-def _pressed(scene: "Scene", pressures: Sequence[Load]) -> list[str]:
+def _pressed(scene: "Scene", system: System, pressures: Sequence[Load]) -> list[str]:
     """Of pressures that go on under a contact that has closed. Collective."""
-    notes, mesh = [], scene.mesh
-    for group in dict.fromkeys(load.group for load in pressures if load.group):
-        facets = mesh.facets(*group)
+    found, mesh = dict[tuple[str, str], str](), scene.mesh
+    for load in pressures:
+        name, facets = "+".join(load.group or ()), mesh.facets(*(load.group or ()))
         for one in scene.contacts:
             sides = [side for side in (one.slave, one.master) if not isinstance(side, Tool)]
-            met = np.concatenate([mesh.facets(*side) for side in sides])
-            if mesh.comm.allreduce(len(np.intersect1d(facets, met))):
-                notes.append(
-                    f"pressure on '{'+'.join(group)}' goes on beneath contact '{one.name}' where that closes: a fluid, "
+            both = np.intersect1d(facets, np.concatenate([mesh.facets(*side) for side in sides]))
+            if mesh.comm.allreduce(len(both)) and _acts(system, load, compat.locate_blocks(scene.space, both)):
+                found[name, one.name] = (
+                    f"pressure on '{name}' goes on beneath contact '{one.name}' where that closes: a fluid, "
                     'which is kept out there, is stated with where="open"'
                 )
-    return notes
+    return list(found.values())
+
+
+def _acts(system: System, load: Load, nodes: Ints) -> bool:
+    """Whether a load is ever more than none at some nodes, local ones. Collective."""
+    for i in range(len(system.stages)):
+        with system.stages.foreseen(i):
+            for share in ASKED:
+                values = load.path(system.stages.time(share))
+                values = values if load.nodes is None else values[np.isin(load.nodes, nodes)]
+                if system.comm.allreduce(bool(values.any()), op=MPI.LOR):
+                    return True
+    return False
 
 
 def _idle(scene: "Scene", system: System, stages: int, loads: Sequence[Load]) -> list[str]:
