@@ -90,21 +90,17 @@ def _part_there(contact: Contact, state: State, hung: tuple[Floats, Ints64], abo
 
 
 def between_note(contact: Contact, state: State) -> Remark | None:
-    """None, or that a tool comes in between slave nodes that carry much of the load. Collective."""
+    """None, or that a tool comes in between slave nodes that carry much of the load, or so far that these hardly hold it.
+    Collective."""
     share, text, place = _between(contact, state, hung := _hung(contact, state), BETWEEN)
     if share <= BETWEEN or (part := _part_there(contact, state, hung, BETWEEN)) <= LITTLE:
         return None
-    there = f"{part:.0%} of the force acts there, {YIELDS}" if np.isfinite(part) else "nothing presses on it yet"
-    return Remark(share, f"{place}: {text}; {there}: mesh it more finely, {_cells(_size(contact, state, hung))}")
-
-
-def pierced_note(contact: Contact, state: State) -> Remark | None:
-    """None, or that it has come in so far that nodes which carry most of the load hardly hold it. Collective."""
-    share, text, place = _between(contact, state, hung := _hung(contact, state), PIERCED)
-    if share <= PIERCED or _part_there(contact, state, hung, PIERCED) <= MOST:
-        return None
-    better = held_better(contact, _size(contact, state, hung))
-    return Remark(share, f"{place}: {text}; most of the force acts there, {YIELDS} by a third or more: {better}")
+    size, there = _size(contact, state, hung), f"{part:.0%} of the force acts there, {YIELDS}"
+    if not np.isfinite(part):
+        there = "nothing presses on it yet"
+    elif share > PIERCED and _part_there(contact, state, hung, PIERCED) > MOST:
+        return Remark(share, f"{place}: {text}; {there} by a third or more: {held_better(contact, size)}")
+    return Remark(share, f"{place}: {text}; {there}: mesh it more finely, {_cells(size)}")
 
 
 def pierced(contact: Contact, state: State) -> Finding | None:

@@ -13,7 +13,7 @@ from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import DRAWN
 from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note, unheld_facets
 from fenics_contact.contact.between_points import node_depth, nodes_deeper
-from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, pierced_note, unheld
+from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, unheld
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.led import LED
 from fenics_contact.kernels.quadratic import TRIANGLE
@@ -308,7 +308,6 @@ class Findings:
             "led": partial(_led_note, noise=noise),
             "deep": _depth_note,
             "between": between_note,
-            "pierced": pierced_note,
             "hidden": hidden_note,
             "pierced facet": pierced_facet_note,
             "led in": led_in_note,
