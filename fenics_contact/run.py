@@ -66,6 +66,7 @@ from fenics_contact.units import Units
 from fenics_contact.values import SceneError, shown
 
 Shares = dict[str, tuple[float, float]]
+Errors = tuple[dict[str, Any] | None, Shares, dict[str, tuple[float, float | None]]]
 
 FAINT = 1e-6  # of the greatest load of all contacts: one that never carries more has what Newton's method leaves
 
@@ -244,7 +245,7 @@ def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
     return Carried(area, s.area.shape[1] - 1, "Gauss point")
 
 
-def _errors(system: System, solver: LinearSolver, section: Section | None) -> tuple[dict[str, Any] | None, Shares, Shares]:
+def _errors(system: System, solver: LinearSolver, section: Section | None) -> Errors:
     """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
     `chord_error` and `node_error`. Collective."""
     round_, deep = is_round(system), deeper(system)

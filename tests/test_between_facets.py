@@ -76,19 +76,62 @@ def test_an_edge_between_nodes_is_named_with_how_deep_it_lies(kind, degree):
     result = pressed(kind, degree=degree).require()
     # the same edge in a floor of 60 cells, where forces settle: 0.58 (of 240 cells 0.576)
     assert abs(result.column("floor_ymin_reaction_y_N")[-1]) < 0.3
-    (note,) = said(result, "a third or more")
-    assert "step 4 " in note and "inside the slave between its nodes" in note
+    note = said(result, "inside the slave between its nodes")[-1]
+    assert "step 4 " in note and "100% of the force acts there" in note and said(result, "off by as much as itself")
     if kind == "tool" and degree == 1:  # it is 0.4 lower, and so is the facet's middle by what its nodes have gone down
         assert depth(note) == pytest.approx(0.4 + result.column("top")[-1], abs=2e-3)
 
 
-def test_of_what_two_nodes_carry_no_few_percents_are_promised():
+def missed(result):
+    """By how much of itself the load of contact c would change, by the last state's tangent, and the notes that say so."""
+    return result.summary["node_error"].get("c", {}).get("load_change_over_load", 0.0), said(result, "may be off by")
+
+
+def test_of_what_two_nodes_carry_most_is_said_to_be_lost():
     """They have 71 % less than a floor of 60 cells, where the edge lies a quarter of a facet deep."""
     coarse, fine = (pressed("tool", cells=cells, down=0.26, wide=2.0, steps=2).require() for cells in (7, 60))
     forces = [result.column("floor_ymin_reaction_y_N")[-1] for result in (coarse, fine)]
-    assert forces[0] / forces[1] < 0.5
-    note = said(coarse, "inside the slave between its nodes")[-1]
-    assert "may be off by most of itself" in note
+    assert forces[0] / forces[1] < 0.5 and said(coarse, "inside the slave between its nodes")
+    share, notes = missed(coarse)
+    assert share > 0.5 * (forces[1] / forces[0] - 1.0) and len(notes) == 1 and "as much as itself" in notes[0]
+
+
+def chamfered(cells, c=0.05):
+    """A block 2 x 1 on a floor of 6 x 1, its lower edges cut by c at 45 degrees: the outer third of its columns is below
+    these."""
+    rectangles.build(
+        {
+            "floor": ((-3.0, -1.0), (6.0, 1.0), (9 * cells, 3 * cells)),
+            "pad": ((-1.0, 0.0), (2.0, 1.0), (3 * cells, 2 * cells)),
+        }
+    )
+    tags, X, _ = gmsh.model.mesh.getNodes()
+    (group,) = (tag for _, tag in gmsh.model.getPhysicalGroups(2) if gmsh.model.getPhysicalName(2, tag) == "pad")
+    (pad,) = gmsh.model.getEntitiesForPhysicalGroup(2, group)
+    of_pad = set(gmsh.model.mesh.getNodes(2, pad, includeBoundary=True)[0])
+    for tag, (x, y, _) in zip(tags, X.reshape(-1, 3), strict=True):
+        if tag in of_pad:
+            x = np.interp(x, (-1.0, -1 / 3, 1 / 3, 1.0), (-1.0, c - 1.0, 1.0 - c, 1.0))
+            gmsh.model.mesh.setNode(tag, (x, y + max(c - 1.0 + abs(x), 0.0) * (1.0 - y), 0.0), [])
+
+
+def test_a_small_chamfer_is_said_to_cost_what_it_does():
+    """Three nodes carry a block whose chamfers lie deep beside their own size: a few percents, and not most, are missing."""
+    found = []
+    for cells in (1, 4):
+        mesh = read_gmsh(chamfered, cells=cells)
+        scene = Scene(Body(mesh, "floor", SOFT), Body(mesh, "pad", SOFT), plane="strain")
+        scene.fix("floor_ymin")
+        scene.fix("pad_ymax", "x")
+        scene.prescribe("pad_ymax", "y", -0.07)
+        scene.contact("pad_ymin", "floor_ymax", 0.3, name="c")
+        found.append(solve(scene, steps=4).require())
+    coarse, fine = (result.column("floor_ymin_reaction_y_N")[-1] for result in found)
+    share, notes = missed(found[0])
+    off = abs(coarse / fine - 1.0)  # 4 %, of which what lies inside is the most; to first order all of the overlap counts
+    assert off < 0.1 and 0.5 * off < share < 4.0 * off
+    assert said(found[0], "a slave node lies") and "most of itself" not in " ".join(found[0].verdict.notes)
+    assert len(notes) == (share > 0.05)
 
 
 @pytest.mark.parametrize("kind", ["body", "tool"])

@@ -34,16 +34,12 @@ def node_depth(contact: Contact, state: State, above: float = -np.inf) -> tuple[
 
 
 def nodes_deeper(contact: Contact, state: State) -> Floats:
-    """How much deeper (ne, nq) [length] than its deepest point a node of the facet lies, of those that touch; zero where
-    points are nodes themselves.
+    """How much deeper (ne, nq) [length] than its deepest point a node of the facet lies, of those that touch.
 
     Not counted is what a round master's facets cut off, of which the chord error tells: bodies that fit have nodes as deep
     in its chords, and points on them that are as far out. Collective.
     """
-    s = contact.surface
-    if s.at_nodes:
-        return np.zeros(s.area.shape)
-    response = contact.response(state)
+    s, response = contact.surface, contact.response(state)
     touches, point = (response.status != OPEN).any(axis=1), (-response.gap).max(axis=1, initial=0.0)
     gaps = contact.places.node_gaps(state, s.nodes.ravel(), s.X.reshape(-1, 3)).reshape(s.nodes.shape)
     chords = np.abs(contact.places.cut_off(state) - s.cut_off).max(axis=1, initial=0.0)

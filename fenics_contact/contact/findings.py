@@ -11,7 +11,7 @@ import numpy as np
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import DRAWN
-from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, pierced_facet_note, unheld_facets
+from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, sunk, unheld_facets
 from fenics_contact.contact.between_points import node_depth, nodes_deeper
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, unheld
 from fenics_contact.contact.foremost import worst
@@ -309,7 +309,6 @@ class Findings:
             "deep": _depth_note,
             "between": between_note,
             "hidden": hidden_note,
-            "pierced facet": pierced_facet_note,
             "led in": led_in_note,
             "leans": _lean_note,
             "edges": _edge_note,
@@ -317,8 +316,9 @@ class Findings:
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
 
     def nodes_deeper(self, state: State) -> Floats:
-        """See `between_points.nodes_deeper`. Collective."""
-        return nodes_deeper(self._contact, state)
+        """How much deeper (ne, nq) [length] than the points that hold them the surfaces lie around these. Collective."""
+        find = sunk if self._contact.surface.at_nodes else nodes_deeper
+        return find(self._contact, state)
 
     def misstated(self, state: State) -> Finding | None:
         """The penalty that is stated is far from the stiffness of the bodies."""

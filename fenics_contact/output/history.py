@@ -313,21 +313,32 @@ def chord_notes(summary: Summary, units: Units) -> list[str]:
     return notes
 
 
-def node_summary(errors: Mapping[str, tuple[float, float]], units: Units) -> Summary:
-    """By contact how its load would change, over that, were nodes held as the Gauss points beside them, and how much deeper
-    they lie."""
-    return {name: {"load_change_over_load": share, f"deeper_{units.length}": deep} for name, (share, deep) in errors.items()}
+def node_summary(errors: Mapping[str, tuple[float, float | None]], units: Units) -> Summary:
+    """By contact how its load would change, over that, were nodes held as the points beside them, and how much deeper they
+    lie where no step's note says so."""
+    return {
+        name: {"load_change_over_load": share} | ({} if deep is None else {f"deeper_{units.length}": deep})
+        for name, (share, deep) in errors.items()
+    }
 
 
 def node_notes(summary: Summary, units: Units) -> list[str]:
     """A note per contact whose load would change by more than MISSED."""
-    return [
-        f"contact '{name}': nodes lie up to {e[f'deeper_{units.length}']:.2g} {units.length} deeper in the master than the "
-        f"Gauss points beside them, and its load may be off by {_about(abs(e['load_change_over_load']))}, most at first "
-        'touch: take finer cells where it touches, more points= per facet, or degree=1 and points="nodes"'
-        for name, e in summary.items()
-        if abs(e["load_change_over_load"]) > MISSED
-    ]
+    notes = []
+    for name, e in summary.items():
+        share = abs(e["load_change_over_load"])
+        off, deeper = f"its load may be off by {_about(share)}", e.get(f"deeper_{units.length}")
+        if share > MISSED and deeper is None:
+            notes.append(
+                f"contact '{name}': in the end {off} for what lies inside between its nodes, as noted with the step"
+            )
+        elif share > MISSED:
+            notes.append(
+                f"contact '{name}': nodes lie up to {deeper:.2g} {units.length} deeper in the master than the Gauss points "
+                f"beside them, and {off}, most at first touch: take finer cells where it touches, more points= per facet, "
+                'or degree=1 and points="nodes"'
+            )
+    return notes
 
 
 def _about(share: float) -> str:

@@ -1,4 +1,4 @@
-"""What nodes cost that lie deeper than the Gauss points beside them: how loads would change, were they held as these are."""
+"""What nodes cost that lie deeper than the points beside them: how loads would change, were they held as these are."""
 
 from typing import NamedTuple
 
@@ -44,12 +44,13 @@ def lifted(system: System, found: Deeper) -> Vary:
     return vary
 
 
-def node_error(system: System, nodes: Deeper, found: Sensitivity) -> dict[str, tuple[float, float]]:
-    """{contact: (change of its load over that, to first order, and how much deeper [length] than points nodes lie)}; of
-    contacts without load nothing. Collective."""
+def node_error(system: System, nodes: Deeper, found: Sensitivity) -> dict[str, tuple[float, float | None]]:
+    """{contact: (change of its load over that, to first order, and how much deeper [length] than points nodes lie)}, None
+    where points are nodes, of which steps have said how deep others lie; of contacts without load nothing. Collective."""
     out, least = {}, least_load(system)
     for term in system.contacts:
         change, depth = found.contacts[term.name], nodes.depths[term.name].max(initial=0.0)
         if change.load > least:
-            out[term.name] = change.to_load / nodes.part / change.load, float(max(system.comm.allgather(depth)))
+            deep = float(max(system.comm.allgather(depth)))
+            out[term.name] = change.to_load / nodes.part / change.load, None if term.surface.at_nodes else deep
     return out
