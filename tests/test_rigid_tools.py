@@ -216,3 +216,25 @@ def test_along_what_no_wall_stops_it_a_body_is_loose_as_before():
     far = rigid_extrusion([(40.0, -5.0), (40.0, 1.5, 0.1), (0.0, 1.5)], along=(0, 0, -1), up=(0, 1, 0), name="lid")
     for tool in (flat, far, rigid_cylinder(2.0, (8.0, 3.5, 0.0), (0, 0, 1), name="lid")):
         refused(ring_in([tool])[0].system, "nothing holds body 'ring' along x")
+
+
+@pytest.mark.parametrize("push", [(0.06, -0.06), (0.1, -0.04)])
+def test_a_body_in_an_inner_corner_of_a_union_is_told_to_take_two_contacts(push):
+    """Of the two planes that hold its node in the corner the union has the nearer one alone."""
+    results = []
+    for united in (True, False):
+        mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (1.0, 1.0), (4, 4))})
+        scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane="strain")
+        floor, wall = rigid_plane((0, -0.02, 0), (0, 1, 0), name="floor"), rigid_plane((1.02, 0, 0), (-1, 0, 0), name="wall")
+        if united:
+            scene.contact(("box_ymin", "box_xmax"), rigid_union(floor, wall, name="corner"), 0.2, name="c")
+        else:
+            scene.contact("box_ymin", floor, 0.2, name="c")
+            scene.contact("box_xmax", wall, 0.2, name="w")
+        scene.prescribe("box_xmin", "x", push[0])
+        scene.prescribe("box_ymax", "y", push[1])
+        results.append(solve(scene, steps=5))
+    one, two = (result.verdict for result in results)
+    assert two.converged and not one.converged, one.reason
+    assert "a point lies in an inner corner of 'corner'" in one.reason and "at (1, 0, 0)" in one.place
+    assert "contacts of their own" in one.remedy

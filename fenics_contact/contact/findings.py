@@ -14,6 +14,7 @@ from fenics_contact.assembly.trial import DRAWN
 from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_note, sunk, unheld_facets
 from fenics_contact.contact.between_points import node_depth, nodes_deeper
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, unheld
+from fenics_contact.contact.corners import cornered
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.led import LED
 from fenics_contact.kernels.quadratic import TRIANGLE
@@ -339,6 +340,10 @@ class Findings:
             return None
         text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {_degrees(lean)}"
         return Finding(UNKNOWN, text, f"contact '{contact.name}'", f"{ROUND}, or finer cells along it")
+
+    def cornered(self, state: State) -> Finding | None:
+        """A point lies where two parts of a union meet."""
+        return cornered(self._contact, state)
 
     def never_met(self, state: State, greatest: float, noise: float) -> str | None:
         """How far away the master is after a run in which no point has touched it but by rounding; greatest: load of a step,

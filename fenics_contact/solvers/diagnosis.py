@@ -90,7 +90,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     if found is None and known.kind in (UNKNOWN, CYCLING) and goal is not None and system.vector.getSize() <= LARGEST:
         found = topples_ahead(system, goal)
     if found is None and known.kind in (UNKNOWN, CYCLING):
-        found = overdrawn(system, goal)
+        found = overdrawn(system, goal) or _cornered(system, known)
     if found is None and known.kind == COMES_IN:
         return known._replace(remedy=" or ".join([*damping(system), known.remedy]))
     if found is None and inverted and _inverts_ahead(system, goal):
@@ -115,6 +115,14 @@ def _unbalanced(system: System) -> str:
     """Where most of the residual assembled last is out of balance. Collective."""
     found = system.longest(system.residual_vector.array_r)
     return f"most at {spot(found.place)}" if found else ""
+
+
+def _cornered(system: System, known: Finding) -> Finding | None:
+    """A finding if a point lies in an inner corner of a tool: it jumps between what holds it there. Collective."""
+    for contact in system.contacts:
+        if corner := contact.findings.cornered(system.state):
+            return corner._replace(kind=known.kind, reason=f"{known.reason}; {corner.reason}")
+    return None
 
 
 def _unexplained(system: System, known: Finding, inverted: Finding | None, goal: float | None) -> Finding:
