@@ -6,6 +6,7 @@ from typing import Any
 
 from fenics_contact.assembly.contact_term import ContactTerm, Trials
 from fenics_contact.assembly.term import State, Term
+from fenics_contact.types import Floats
 
 
 class Foresight:
@@ -20,14 +21,17 @@ class Foresight:
         self.contacts = [contact for contact in contacts if contact.partner.foresees]
         self.settles = bool(contacts) and all(contact.partner.settles for contact in contacts)
         self.linearised: dict[Term, Any] = {}
+        self._told: dict[ContactTerm, Floats] = {}  # what the last tangent foresaw, where samples have changed since
         self._samples_held = False
 
     def foresee(self, state: State) -> None:
         """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
-        for contact in self.contacts:
-            if contact in self.linearised:
-                feet, before = contact.places.feet(state), self.linearised[contact]
-                contact.take(contact.trial.judging(contact.partner.foreseen(feet, before, contact.trial)))
+        for contact, gaps in (self._foreseen(state) or self._told).items():
+            contact.take(contact.trial.judging(gaps))
+
+    def _foreseen(self, state: State) -> dict[ContactTerm, Floats]:
+        known = [contact for contact in self.contacts if contact in self.linearised]
+        return {c: c.partner.foreseen(c.places.feet(state), self.linearised[c], c.trial) for c in known}
 
     def hold(self, share: float) -> None:
         """Let them take the pressures of the last accepted state, carried on by `share` of the last change, until then."""
@@ -59,6 +63,15 @@ class Foresight:
         changed = max((contact.resample(state) for contact in self._all), default=False)
         if changed:
             self.linearised.clear()
+            self._told = {}
+        return changed
+
+    def follow(self, state: State) -> bool:
+        """The same after a solve, of which the contacts go on taking what had been foreseen: the gaps that new samples find
+        differ from the old ones' by more than a soft part presses a penalty in. Collective."""
+        told = self._foreseen(state)
+        if changed := self.resample(state):
+            self._told = told
         return changed
 
     @contextmanager

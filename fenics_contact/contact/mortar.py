@@ -124,7 +124,11 @@ class MortarPartner(OnFacets):
 
     def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
         """Gaps, shifts added, and ways (4 ns,) that decide: of the tractions which the tangent `before` foresees at these
-        places, with a share of what is found there."""
+        places, with a share of what is found there.
+
+        A node that pressed then opens by its pressure, or by a gap more than 1/SOFT times as wide as the solve has moved it:
+        of a slender part the stiffness is far below E/h, by which what curvature leaves open would outweigh its pressure.
+        """
         then, law, anchors = before.feet, trial.law, trial.history.anchors
         means = self._laws.averages(then, anchors)
         moved = motion(then, feet, self.places.first), *self._laws.leading(then, law.friction)
@@ -135,6 +139,9 @@ class MortarPartner(OnFacets):
         foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
         found = np.column_stack([np.minimum(averaged[0], self.places.search) + trial.history.shift.ravel(), averaged[1]])
         share = np.minimum(kernel.WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
+        pressed, travel = before.rates[:, 0, 0] != 0.0, np.abs(found[:, 0] - means[0] - trial.history.shift.ravel())
+        soft = kernel.SOFT * np.abs(foreseen[:, 0]) / np.maximum(travel, 1e-300)
+        share[pressed, 0] = np.minimum(share[:, 0], soft)[pressed]
         turned = np.einsum("nc,nc->n", foreseen[:, 1:], found[:, 1:]) < 0.0  # it has slid against what rubs it:
         share[turned, 1:] = 0.0  # it sticks before it slides that way
         return (foreseen + share * (found - foreseen)).ravel()

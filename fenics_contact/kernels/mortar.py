@@ -68,6 +68,8 @@ Acting = tuple[Floats, Floats, Ints64]
 # Of a body's stiffness beneath its nodes, E/h: what a gap or way still wrong weighs against the traction that was foreseen
 # (c of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006; 0.1 ... 1 E/h alike)
 WEIGHT = 1.0
+# Of the stiffness that a node has shown, its foreseen pressure over how far the solve has moved its gap, where that is less
+SOFT = 0.5
 # Cosine of the angle between the way and the foreseen one: a node that slips in a direction further off has passed by the
 # middle around which slips turn; it follows what was foreseen, which its own way turns by its weight alone
 ASIDE = 0.4

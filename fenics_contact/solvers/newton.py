@@ -195,7 +195,7 @@ class Newton:
 
     def _resampled(self, system: System, size: float) -> float:
         """Out-of-balance share with samples of averages where the surfaces lie; size: as it is."""
-        if not system.foresight.resample(system.state):
+        if not system.foresight.follow(system.state):
             return size
         self._secants.forget()
         return _finite_residual(system)
