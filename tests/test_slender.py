@@ -1,4 +1,4 @@
-"""Parts far softer than their cells: what touches them is told by what they press with, not by gaps that curvature leaves."""
+"""Slender parts, far softer than their cells: what touches them is told by what they press with."""
 
 import gmsh
 import pytest
