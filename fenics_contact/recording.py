@@ -68,7 +68,9 @@ class Recorder:
             if folder and not (keeper and keeper.resumed):
                 self._start_anew(folder)
             so_far = self.columns.energies(self.history)
-            self.results, self.view = Results(scene, system, built.loads, so_far, built.harder), View(scene, system)
+            as_drawn = built.beginning.as_drawn
+            self.results = Results(scene, system, built.loads, so_far, built.harder, as_drawn)
+            self.view = View(scene, system)
             self.writer = None
             if folder:
                 fields = Fields(scene, system, self.results.surfaces)

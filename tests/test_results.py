@@ -356,6 +356,30 @@ def test_bodies_drawn_overlapping_do_no_work(depth):
     assert "in step 1, which presses apart" in note and "'joint'" in note and "more steps" not in note
 
 
+@pytest.mark.parallel
+@pytest.mark.parametrize("depth", [0.0004, 0.01])
+def test_an_overlap_as_drawn_neither_rubs_nor_works(depth):
+    """A cube drawn into a rough floor by a thousandth and a fiftieth of a cell is pressed and dragged. Penalties times the
+    overlap are up to a hundred times its force: in steps that are few the sums are those of eight times as many."""
+
+    def dragged(steps):
+        scene = Scene(Body(read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(2, 2, 2)), "box", neo_hooke(1.0, K=4.0)))
+        for axis, way in (("z", -0.05), ("x", 0.4), ("y", 0.0)):
+            scene.prescribe("zmax", axis, way)
+        floor = rigid_plane((0.0, 0.0, depth), (0.0, 0.0, 1.0), name="floor")
+        scene.contact("zmin", floor, friction=0.3, name="c")
+        return solve(scene, steps=steps).require()
+
+    few, many = dragged(5), dragged(40)
+    first = few.history[0]
+    assert first["c_friction_work_Nmm"] < 1.1 * 0.3 * first["c_load_N"] * first["c_mean_slip_mm"]
+    for name in ("c_friction_work_Nmm", "external_work_Nmm"):
+        assert few.column(name)[-1] == pytest.approx(many.column(name)[-1], rel=0.03), name
+    ends = zip((0.4, -0.05), (many.column(f"zmax_reaction_{axis}_N") for axis in "xz"), strict=True)
+    work = sum(way / 40 * (force.sum() - 0.5 * force[-1]) for way, force in ends)
+    assert many.column("external_work_Nmm")[-1] == pytest.approx(work, rel=0.01)
+
+
 def rounded(size, fillet=0.0):
     """A rectangle 4 x 1 and on it a smaller one, 1.6 x 0.8, with a foot that has round corners, or sharp ones."""
     low, x0, x1 = gmsh.model.occ.addRectangle(-2.0, -1.0, 0.0, 4.0, 1.0), -1.3, 0.3

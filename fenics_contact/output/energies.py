@@ -18,7 +18,8 @@ class Energies:
     """Since the start [force x length]: external_work of supports, loads, tools and swelling, and what it went into: strain,
     in the bodies; penalty, what is stored in the penalties; friction, by contact; damping. pressures: by contact the part of
     the error that its pressures leave, which act along the slave's normals. balance: size of the sum of all outer forces,
-    zero in equilibrium [force]. done: the work, in or out, of each step by supports, tools and each kind of load."""
+    zero in equilibrium [force]. done: the work, in or out, of each step by supports, tools and each kind of load, and, the
+    work of nothing, drawn: what the first balance keeps of the energy of bodies drawn overlapping."""
 
     external_work: float = 0.0
     strain: float = 0.0
@@ -28,6 +29,7 @@ class Energies:
     balance: float = 0.0
     pressures: Mapping[str, float] = field(default_factory=dict)
     done: float = 0.0
+    drawn: float = 0.0
 
     @property
     def error(self) -> float:
@@ -55,17 +57,24 @@ class _Rubbing:
 @dataclass(frozen=True)
 class _Pressing:
     """What a contact's pressures ask of this rank: forces on local dofs and wrenches on the tools (tools, 6) that hold
-    against them; stored: energy in their penalties."""
+    against them; stored: energy in their penalties; load: of those beyond round-off [force]."""
 
     on_dofs: Floats
     wrenches: Floats
     stored: float
+    load: float
 
     @classmethod
     def of(cls, contact: ContactTerm, system: System) -> "_Pressing":
         on_dofs, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
         stored = contact.forces.press(system.state, on_dofs, wrenches)
-        return cls(on_dofs, wrenches, stored)
+        pressure = contact.forces.split_traction(system.state)[0]
+        pressing = np.where(pressure > contact.forces.round_off(), pressure, 0.0)
+        return cls(on_dofs, wrenches, stored, float((pressing * contact.surface.area).sum()))
+
+    def scaled(self, share: float) -> "_Pressing":
+        """What penalties give way by a share of it exert."""
+        return _Pressing(share * self.on_dofs, share * self.wrenches, share**2 * self.stored, share * self.load)
 
 
 @dataclass(frozen=True)
@@ -89,13 +98,19 @@ class _Forces:
 
 class EnergyBalance:
     """Work between accepted states by the trapezoidal rule. loads: the terms of dead loads and pressures; so_far: Energies
-    of a run that is resumed; section: what a plane mesh stands for; let_go: what the last step has let go in a jump, which
+    of a run that is resumed; section: what a plane mesh stands for; as_drawn: whether the run starts where bodies are drawn,
+    which may overlap there and has never been in balance; let_go: what the last step has let go in a jump, which
     has gone into damping where that was asked for [force length]."""
 
     def __init__(
-        self, system: System, loads: Sequence[Term], so_far: Energies | None = None, section: Section | None = None
+        self,
+        system: System,
+        loads: Sequence[Term],
+        so_far: Energies | None = None,
+        section: Section | None = None,
+        as_drawn: bool = False,
     ) -> None:
-        self._system, self._loads = system, loads
+        self._system, self._loads, self._as_drawn = system, loads, as_drawn and so_far is None
         self._adds_up = adding_up(section)
         system.assemble_residual()
         self.now, self.let_go, self._resumed = so_far or self._at_start(), 0.0, so_far is not None
@@ -105,9 +120,9 @@ class EnergyBalance:
         self._of_pairs = np.zeros((2, len(system.contacts) + 1))
 
     def _at_start(self) -> Energies:
-        """What bodies and penalties hold already counts as work done on them."""
+        """What bodies and penalties hold already counts as work done on them, but that of bodies drawn overlapping."""
         rough = [contact.name for contact in self._system.contacts if contact.rough]
-        strain, stored = self._system.strain_energy(), self._stored()
+        strain, stored = self._system.strain_energy(), 0.0 if self._as_drawn else self._stored()
         pressures = {contact.name: 0.0 for contact in self._system.contacts}
         done = strain + stored
         return Energies(done, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures, done=done)
@@ -130,7 +145,8 @@ class EnergyBalance:
 
     def advance(self, jumped: bool) -> Energies:
         """The Energies at the state just accepted; jumped: damped motion has led there. Collective."""
-        system, last, here = self._system, self._last, self._forces()
+        system, here = self._system, self._forces()
+        last, drawn = self._from_drawn(self._last, here) if self._as_drawn else (self._last, 0.0)
         works, rubbed = self._works(last, here)
         friction = {name: self.now.friction[name] + more for name, more in zip(here.rubbing, rubbed, strict=True)}
         left = self._left(last, here)
@@ -142,14 +158,47 @@ class EnergyBalance:
         balance = float(np.linalg.norm((outer + here.wrenches[:, :3].sum(axis=0))[self._adds_up]))
         before, now = self.now, Energies(
             self.now.external_work + float(works.sum()), here.strain, here.stored, friction,
-            self.now.damping, balance, pressures, self.now.done + float(np.abs(works).sum()),
+            self.now.damping, balance, pressures, self.now.done + drawn + float(np.abs(works).sum()), self.now.drawn + drawn,
         )  # fmt: skip
         # What a jump lets go is what is left of all else: the work of viscous forces has in it what they add to the way
         self.let_go = max(now.error - before.error, 0.0) if jumped else 0.0
         if system.damped:
             now = replace(now, damping=now.damping + self.let_go)
-        self._last, self.now = here, now
+        self._last, self.now, self._as_drawn = here, now, False
         return now
+
+    def _from_drawn(self, start: _Forces, end: _Forces) -> tuple[_Forces, float]:
+        """What the first step begins with, and the energy that its end keeps of what overlaps as drawn. Collective.
+
+        Penalties times overlaps balance nothing there, and may be many times the forces that come with the first balance. In
+        their place stand shares of those of the step's end. Forces F that grow evenly with the depth, from the share s, do
+        the work (1 - s^2) E on a way on which F alone do 2 (1 - s) E, where E is what bodies and penalties hold in the end:
+        that gives s, which is none without overlap, and one where all of E comes of it. Of an overlap bodies keep what no
+        work explains, and no more than its penalties hold, which they give way to.
+        """
+        comm = self._system.comm
+        first, second = comm.allreduce(np.array([[one.load for one in at.pressing.values()] for at in (start, end)]))
+        if not first.any():
+            return start, 0.0
+        most = np.minimum(np.divide(first, second, out=np.zeros_like(first), where=second > 0.0), 1.0)
+        works, rubbed = self._works(self._begun(start, end, np.ones_like(most)), end)
+        held, work = end.strain + end.stored - start.strain, float(works.sum() - rubbed.sum())
+        share = float(np.clip(1.0 - 0.5 * work / held, 0.0, 1.0)) if held > 0.0 else 0.0
+        begun = self._begun(start, end, np.minimum(most, share))
+        drawn = float(np.clip(-self._left(begun, end)[-1], 0.0, start.stored))
+        return replace(begun, stored=drawn), drawn
+
+    def _begun(self, start: _Forces, end: _Forces, shares: Floats) -> _Forces:
+        """A start with shares, by contact, of the forces at the end but for loads, which are what they are stated."""
+        of, most = dict(zip(end.pressing, (float(one) for one in shares), strict=True)), float(shares.max())
+        return replace(
+            start,
+            on_dofs=np.concatenate([start.on_dofs[:-1], most * end.on_dofs[-1:]]),
+            wrenches=np.where(self._system.tools.free, start.wrenches, most * end.wrenches),
+            stored=0.0,
+            rubbing={name: replace(one, limit=of[name] * end.rubbing[name].limit) for name, one in start.rubbing.items()},
+            pressing={name: one.scaled(of[name]) for name, one in end.pressing.items()},
+        )
 
     def _works(self, start: _Forces, end: _Forces) -> tuple[Floats, Floats]:
         """Work between two states, of each part of the outer forces, swelling and tools, (parts + 2,), and of friction, by

@@ -133,8 +133,8 @@ def energy_line(energies: Energies, summary: Summary, units: Units) -> str:
         return "no work done"
     done = summary[f"work_done_{energy_unit(units)}"]
     went = {"bodies": energies.strain, "penalties": energies.penalty, "friction": sum(energies.friction.values())}
-    went |= {"damping": energies.damping, "missing": energies.error}
-    if (again := done - energies.external_work) > UNSEEN * done:
+    went |= {"damping": energies.damping, "missing": energies.error, "of overlaps as drawn": energies.drawn}
+    if (again := done - energies.drawn - energies.external_work) > UNSEEN * done:
         went["in and out again"] = again
     shares = ", ".join(f"{name} {part / done:.2%}" for name, part in went.items() if part)
     return f"work done {done:.4g} {unit}, in the end {energies.external_work:.4g} went in; of the work done: {shares}"

@@ -61,7 +61,7 @@ class StepResult:
 
 class Results:
     """Measures a scene's System. loads: terms of dead loads and pressures alone; so_far: Energies of a resumed run; watched:
-    names of contacts.
+    names of contacts; as_drawn: see EnergyBalance.
 
     balance: of energies, up to the last accepted step; within_facets: of each of these its greatest load so far [force], and
     what of its pressure varied within facets of the master then, see `measures.within_facets`.
@@ -74,12 +74,13 @@ class Results:
         loads: Sequence[Term],
         so_far: Energies | None = None,
         watched: Sequence[str] = (),
+        as_drawn: bool = False,
     ) -> None:
         self.system = system
         self.surfaces = surfaces_of(scene, system)
         self.reactions = Reactions(scene, system)
         self.within_facets = dict.fromkeys(watched, (0.0, 0.0))
-        self.balance = EnergyBalance(system, loads, so_far, scene.section)
+        self.balance = EnergyBalance(system, loads, so_far, scene.section, as_drawn)
 
     def of_step(self, jumped: bool) -> StepResult:
         """Of the state just accepted; jumped: damped motion has led there. Call once per step. Collective."""

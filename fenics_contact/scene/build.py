@@ -80,11 +80,12 @@ ROUNDED = 1e-12  # of a fluid's largest pressure: a function of nodes' places is
 
 class Beginning(NamedTuple):
     """How a run begins: overlaps: names of the contacts that overlap at rest; jumps: whether it starts from another run's
-    state, out of balance; angles (tools, 3): of the tools [radians]."""
+    state, out of balance; angles (tools, 3): of the tools [radians]; as_drawn: whether it starts from none."""
 
     overlaps: list[str]
     jumps: bool
     angles: Floats
+    as_drawn: bool
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,7 @@ def _start(
         notes, overlaps = notes + begin(system, driven, start, scene), []
         jump = let_go(system, start, scene)
     refuse_gaps(system, stated, driven, start is not None)
-    return notes + ([jump] if jump else []), Beginning(overlaps, bool(jump), system.state.angles.copy())
+    return notes + ([jump] if jump else []), Beginning(overlaps, bool(jump), system.state.angles.copy(), start is None)
 
 
 def _round_the_axis(scene: "Scene") -> list[tuple[Ints, Floats]]:
