@@ -70,6 +70,8 @@ class Recorder:
             so_far = self.columns.energies(self.history)
             as_drawn = built.beginning.as_drawn
             self.results = Results(scene, system, built.loads, so_far, built.harder, as_drawn)
+            if keeper:
+                keeper.follow(self.results)
             self.view = View(scene, system)
             self.writer = None
             if folder:

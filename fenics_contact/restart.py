@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from fenics_contact.options import Output
 from fenics_contact.output.checkpoint import CheckpointFiles, Torn
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.files import prepare_folder, results_in, writing
+from fenics_contact.output.results import Results
 from fenics_contact.scene.start import Drives, LeftTool, Start
 from fenics_contact.scene.stated import Statement, first_difference
 from fenics_contact.solvers.continuation import Path as Continuation
@@ -54,6 +55,8 @@ class Keeper:
         self._written = -1  # rows in the last checkpoint
         self._verdict: dict[str, Any] = {}  # as it was when the last step was accepted, before a run's end is judged
         self.rows: list[HistoryRow] = []
+        self._results: Results | None = None
+        self._kept: tuple[dict[str, Any] | None, dict[str, Any]] = None, {}  # of the steps behind, until Results follow
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
         if output.resume:
             self._take_up()
@@ -113,8 +116,15 @@ class Keeper:
             ) from None
         if self._softened:
             self._softened.helps = content["softened"]
+        self._kept = arrays, content.get("results", {})
         self.verdict, self.rows, self.resumed = verdict, content["rows"], True
         self.verdict.resumed.append(len(self.rows))
+
+    def follow(self, results: Results) -> None:
+        """Keep with each step what Results of the next ones need; give them that of the steps behind. Collective."""
+        (arrays, numbers), self._kept, self._results = self._kept, (None, {}), results
+        if numbers:
+            results.recall(partial(self._memory.rows, arrays), numbers)
 
     @property
     def _path(self) -> Continuation | None:
@@ -148,14 +158,16 @@ class Keeper:
 
     def _write(self) -> None:
         fields, numbers = self._path.memory() if self._path else (None, None)
-        arrays, stated = self._memory.collect(fields), self._statement(self._stages.passed)
+        rows, of_results = self._results.memory() if self._results else ({}, {})
+        arrays, stated = self._memory.collect(fields, rows), self._statement(self._stages.passed)
         ends = [[end.t, end.q.tolist(), end.forces.tolist()] for end in self._stages.ends]
         left = self._left()
         with writing(self.comm, self._folder, "a checkpoint"):
             if arrays:
                 helps = self._softened is not None and self._softened.helps
                 content = {"scene": stated, "verdict": self._verdict, "rows": self.rows, "stepper": numbers,
-                           "softened": helps, "ends": ends, "left": left}  # fmt: skip
+                           "softened": helps, "ends": ends, "left": left,
+                           "results": of_results}  # fmt: skip
                 self._files.write(len(self.rows), arrays, content)
         self._written = len(self.rows)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.term import Energy, FormTerm, State
+from fenics_contact.assembly.term import Energy, FormTerm, State, Swelling
 from fenics_contact.types import Array, Floats, Form, Function, Ints64, Space
 
 
@@ -138,7 +138,7 @@ class CondensedPressure(FormTerm):
         self._evaluate()
         return super().strain_energy()
 
-    def swelling(self) -> tuple[Floats, Floats]:
+    def swelling(self) -> tuple[Swelling, list[Swelling]]:
         """As of other solids, the volume's at their dilatations."""
         self._evaluate()
         return super().swelling()

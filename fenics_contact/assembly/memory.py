@@ -1,5 +1,6 @@
 """What an accepted state consists of, as arrays that any number of ranks can take up again."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from fenics_contact.types import Array, Floats, Ints64
 COORDINATES = 1e-9  # of the mesh's size: what moving nodes between ranks rounds is 1e-16, another mesh is far from it
 
 Arrays = dict[str, Any] | None  # what `collect` gave, on rank 0 alone
+Rows = tuple[Ints64, Array]  # a number per row that no partition changes, and the rows
 
 
 class Memory:
@@ -28,8 +30,8 @@ class Memory:
         self.keys = node_keys(system.space)
         self._X = system.space.tabulate_dof_coordinates()
 
-    def collect(self, fields: dict[str, Floats] | None = None) -> dict[str, Any] | None:
-        """{name: array} on rank 0, None elsewhere. Collective."""
+    def collect(self, fields: dict[str, Floats] | None = None, rows: Mapping[str, Rows] | None = None) -> Arrays:
+        """{name: array} on rank 0, None elsewhere; rows: of others, {name: (keys, rows)}. Collective."""
         system, comm = self.system, self.system.comm
         owned = system.space.dofmap.index_map.size_local
         nodal = {"X": self._X.ravel(), "u": system.state.u.x.array} | {f"field/{k}": v for k, v in (fields or {}).items()}
@@ -41,6 +43,8 @@ class Memory:
         for term in system.terms:
             for name, values in term.history().items():
                 _put(out, f"{_label(term)}/{name}", gather(comm, term.key, values))
+        for name, (keys, values) in (rows or {}).items():
+            _put(out, f"rows/{name}", gather(comm, keys, values))
         out |= {"q": system.state.q, "t": system.state.t}
         out |= {"counted": system.state.poses.counted, "turns": system.state.poses.turns}
         out |= {"before/q": np.array([one.q for one in before]), "before/t": np.array([one.t for one in before])}
@@ -72,6 +76,11 @@ class Memory:
         system.assemble_residual()  # the terms' tractions and the reactions are those of the state
         fields = comm.bcast(arrays and [name for name in arrays if name.startswith("field/") and not name.endswith("/key")])
         return {name.removeprefix("field/"): self._nodal(arrays, name).ravel() for name in fields}
+
+    def rows(self, arrays: Arrays, keys: Mapping[str, Ints64]) -> dict[str, Array]:
+        """The rows of others that were collected, {name: those of these keys}. ValueError, on all ranks, where one is not
+        there. Collective."""
+        return {name: self._rows(arrays, f"rows/{name}", of) for name, of in keys.items()}
 
     def place(self, arrays: Arrays) -> None:
         """Put the displacement of another scene's collected arrays in the place of that at rest. Collective.

@@ -134,6 +134,9 @@ class Term(Protocol):
         return np.empty((0, 3))
 
 
+Swelling = tuple[Floats, Floats]  # ratios, and rates of the energy with them
+
+
 class Energy(NamedTuple):
     """Strain energy as a form, and its rates with the ratios by which bodies swell: with each that is one number, and, as
     linear forms, with those that a field has at its nodes."""
@@ -180,16 +183,15 @@ class FormTerm(Term):
         """Of this rank's cells at the present displacement [force x length]; zero of a term without."""
         return 0.0 if self._energy is None else compat.assemble_scalar(self._energy)
 
-    def swelling(self) -> tuple[Floats, Floats]:
-        """Ratios (n,) by which bodies swell, of a field those at local nodes, and the rates of this rank's strain energy
-        with them [force x length]."""
-        ratios = [np.array([float(ratio.value) for ratio, _ in self._by_ratio])]
-        rates = [np.array([compat.assemble_scalar(rate) for _, rate in self._by_ratio])]
-        for field, rate in self._by_field:
-            ratios.append(field.x.array.copy())
-            rates.append(np.zeros(len(ratios[-1])))
-            compat.assemble_vector(rates[-1], rate)
-        return np.concatenate(ratios), np.concatenate(rates)
+    def swelling(self) -> tuple[Swelling, list[Swelling]]:
+        """Ratios by which bodies swell, and the rates of this rank's strain energy with them [force x length]: of those that
+        are one number, (n,), and of each field, at local nodes."""
+        numbers = np.array([float(ratio.value) for ratio, _ in self._by_ratio])
+        rates = np.array([compat.assemble_scalar(rate) for _, rate in self._by_ratio])
+        fields = [(field.x.array.copy(), np.zeros_like(field.x.array)) for field, _ in self._by_field]
+        for (_, at_nodes), (_, rate) in zip(fields, self._by_field, strict=True):
+            compat.assemble_vector(at_nodes, rate)
+        return (numbers, rates), fields
 
     def tangent(self, state: State) -> Blocks:
         return Blocks(forms=tuple(self._tangents))

@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.exchange import sum_to_owners
+from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section, adding_up
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import State, Term
-from fenics_contact.types import Floats
+from fenics_contact.types import Floats, Ints64
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class _Rubbing:
 
 @dataclass(frozen=True)
 class _Pressing:
-    """What a contact's pressures ask of this rank: forces on local dofs and wrenches on the tools (tools, 6) that hold
+    """What a contact's pressures ask: forces on owned dofs and, of this rank, wrenches on the tools (tools, 6) that hold
     against them; stored: energy in their penalties; load: of those beyond round-off [force]."""
 
     on_dofs: Floats
@@ -66,8 +68,12 @@ class _Pressing:
 
     @classmethod
     def of(cls, contact: ContactTerm, system: System) -> "_Pressing":
-        on_dofs, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
-        stored = contact.forces.press(system.state, on_dofs, wrenches)
+        vector, wrenches = system.new_vector(), np.zeros_like(system.tool_residual)
+        with vector.localForm() as local:
+            stored = contact.forces.press(system.state, local.array_w, wrenches)
+        sum_to_owners(vector)
+        on_dofs = vector.array.copy()
+        vector.destroy()
         pressure = contact.forces.split_traction(system.state)[0]
         pressing = np.where(pressure > contact.forces.round_off(), pressure, 0.0)
         return cls(on_dofs, wrenches, stored, float((pressing * contact.surface.area).sum()))
@@ -79,10 +85,10 @@ class _Pressing:
 
 @dataclass(frozen=True)
 class _Forces:
-    """At an accepted state: displacement (local array) and tools' coordinates (tools, 6); outer forces on the owned dofs,
+    """At an accepted state: displacement of the owned dofs and tools' coordinates (tools, 6); outer forces on these dofs,
     of each term of loads and of all supports, (parts, dofs), and wrenches on the tools; ratios by which bodies swell and the
-    rates of this rank's energy with them; energies of the bodies and stored in all penalties; by contact its Rubbing and
-    Pressing."""
+    rates of this rank's energy with them, and those of fields at owned nodes, (fields, nodes); energies of the bodies and
+    stored in all penalties; by contact its Rubbing and Pressing."""
 
     u: Floats
     q: Floats
@@ -90,6 +96,8 @@ class _Forces:
     wrenches: Floats
     ratios: Floats
     on_ratios: Floats
+    fields: Floats
+    on_fields: Floats
     strain: float
     stored: float
     rubbing: dict[str, _Rubbing]
@@ -116,6 +124,7 @@ class EnergyBalance:
         self.now, self.let_go, self._resumed = so_far or self._at_start(), 0.0, so_far is not None
         self._last = self._forces()
         self._before: tuple[_Forces, Floats] | None = None  # the state before, and what was left from it to the last
+        self._keys: dict[str, Ints64] = {}
         # of what pressures left, by contact, and of the error, over all pairs of steps: in the two; in one as long
         self._of_pairs = np.zeros((2, len(system.contacts) + 1))
 
@@ -136,7 +145,7 @@ class EnergyBalance:
     def growth(self) -> dict[str, float]:
         """By contact how many times as much of the work its pressures would leave with steps twice as long, and by "" how
         many times the error, damping in it: 4 where steps of a smooth path are its cause, 1 where the model is. Of pairs of
-        steps: there are none without one, nor of a run that is resumed, which knows the last of them alone."""
+        steps: there are none without one, nor where a checkpoint does not hold those before it."""
         if self._resumed:
             return {}
         in_two, in_one = self._of_pairs
@@ -203,9 +212,10 @@ class EnergyBalance:
     def _works(self, start: _Forces, end: _Forces) -> tuple[Floats, Floats]:
         """Work between two states, of each part of the outer forces, swelling and tools, (parts + 2,), and of friction, by
         rough contact. Collective."""
-        parts, owned = end.on_dofs.shape
-        outer = 0.5 * (start.on_dofs + end.on_dofs) @ (end.u - start.u)[:owned]
+        parts = len(end.on_dofs)
+        outer = 0.5 * (start.on_dofs + end.on_dofs) @ (end.u - start.u)
         swelling = 0.5 * (start.on_ratios + end.on_ratios) @ (end.ratios - start.ratios)
+        swelling += float((0.5 * (start.on_fields + end.on_fields) * (end.fields - start.fields)).sum())
         rubbed = [rubbing.work(start.rubbing[name]) for name, rubbing in end.rubbing.items()]
         sums = self._system.comm.allreduce(np.array([*outer, swelling, *rubbed]))
         tools = self._work_on_tools(start.wrenches, end.wrenches, start, end)
@@ -257,13 +267,97 @@ class EnergyBalance:
         loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
         wrenches = np.where(system.tools.free, loads, system.tool_residual + loads)
         return _Forces(
-            state.u.x.array.copy(),
+            state.u.x.array[: forces.shape[1]].copy(),
             state.q.copy(),
             forces,
             wrenches,
-            *system.terms[0].swelling(),
+            *self._swelling(),
             system.strain_energy(),
             self._stored(),
             {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
             {contact.name: _Pressing.of(contact, system) for contact in system.contacts},
         )
+
+    def _swelling(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Ratios that are one number, the rates of this rank's energy with them, and those of fields at owned nodes."""
+        numbers, fields = self._system.terms[0].swelling()
+        vector, ratios, rates = self._system.new_vector(), [], []
+        nodes = len(vector.array) // 3
+        for at_nodes, on_nodes in fields:
+            with vector.localForm() as local:
+                local.set(0.0)
+                local.array_w[::3] = on_nodes
+            sum_to_owners(vector)
+            ratios.append(at_nodes[:nodes])
+            rates.append(vector.array[::3].copy())
+        vector.destroy()
+        return *numbers, np.array(ratios).reshape(len(fields), nodes), np.array(rates).reshape(len(fields), nodes)
+
+    # -- over the end of a run -----------------------------------------------------------------------------------------
+    @property
+    def keys(self) -> dict[str, Ints64]:
+        """Of all that `memory` keeps in rows, the numbers of these that no partition changes. Collective."""
+        if not self._keys:
+            last, nodes = self._last, node_keys(self._system.space)[: len(self._last.u) // 3]
+            self._keys = dict.fromkeys(
+                ["u", "forces", "ratios", "rates", *(f"presses {name}" for name in last.pressing)], nodes
+            )
+            points = {contact.name: contact.key for contact in self._system.contacts}
+            self._keys |= {f"{what} {name}": points[name] for name in last.rubbing for what in ("limit", "way")}
+        return self._keys
+
+    def memory(self) -> tuple[dict[str, Floats], dict[str, Any]]:
+        """What a checkpoint keeps for the pair of steps that goes on from here: rows of `keys`, and plain values, alike on
+        all ranks; ({}, {}) before the first step. Collective."""
+        if self._before is None:
+            return {}, {}
+        (before, left), allreduce = self._before, self._system.comm.allreduce
+        rows = {"u": before.u.reshape(-1, 3), "forces": before.on_dofs.sum(axis=0).reshape(-1, 3)}
+        rows |= {"ratios": before.fields.T, "rates": before.on_fields.T}
+        rows |= {f"presses {name}": one.on_dofs.reshape(-1, 3) for name, one in before.pressing.items()}
+        for name, one in before.rubbing.items():
+            rows |= {f"limit {name}": one.limit, f"way {name}": one.way}
+        numbers = {
+            "pairs": self._of_pairs,
+            "left": left,
+            "q": before.q,
+            "wrenches": before.wrenches,
+            "ratios": before.ratios,
+        }
+        numbers |= {"rates": allreduce(before.on_ratios), "held": np.array([before.strain, before.stored, self.now.drawn])}
+        numbers |= {f"presses {name}": allreduce(one.wrenches) for name, one in before.pressing.items()}
+        numbers["stored"] = allreduce(np.array([one.stored for one in before.pressing.values()]))
+        return rows, {name: value.tolist() for name, value in numbers.items()}
+
+    def recall(self, rows: Mapping[str, Floats], numbers: Mapping[str, Any]) -> None:
+        """Go on from what `memory` gave, now rows of this rank, as if the run had never ended."""
+        last, tools = self._last, self._last.q.shape
+        mine = float(self._system.comm.rank == 0)  # sums over the ranks
+        strain, stored, drawn = numbers["held"]
+        outer = np.zeros_like(last.on_dofs)
+        outer[-1] = rows["forces"].ravel()
+        rubbing = {
+            name: replace(one, limit=rows[f"limit {name}"], way=rows[f"way {name}"]) for name, one in last.rubbing.items()
+        }
+        pressing = {
+            name: _Pressing(
+                rows[f"presses {name}"].ravel(), mine * np.array(numbers[f"presses {name}"]).reshape(tools), mine * held, 0.0
+            )
+            for name, held in zip(last.pressing, numbers["stored"], strict=True)
+        }
+        before = _Forces(
+            rows["u"].ravel(),
+            np.array(numbers["q"]).reshape(tools),
+            outer,
+            np.array(numbers["wrenches"]).reshape(tools),
+            np.array(numbers["ratios"]),
+            mine * np.array(numbers["rates"]),
+            rows["ratios"].T,
+            rows["rates"].T,
+            strain,
+            stored,
+            rubbing,
+            pressing,
+        )
+        self._before, self._of_pairs = (before, np.array(numbers["left"])), np.array(numbers["pairs"])
+        self.now, self._resumed = replace(self.now, drawn=drawn), False

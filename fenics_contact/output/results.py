@@ -1,7 +1,8 @@
 """What a run gives at every accepted step: contacts, reactions, energies; measured once, for the history and for users."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
@@ -10,7 +11,7 @@ from fenics_contact.output.fields import surfaces_of
 from fenics_contact.output.reactions import Reaction, Reactions
 from fenics_contact.output.slave_nodes import SlaveNodes
 from fenics_contact.scene.scene import Scene
-from fenics_contact.types import Floats
+from fenics_contact.types import Floats, Ints64
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,18 @@ class Results:
         )
         reactions = self.reactions.at_state()
         return StepResult(contacts, reactions, travel, angles, self._drives(), energies, self.reactions.of_pairs())
+
+    def memory(self) -> tuple[dict[str, tuple[Ints64, Floats]], dict[str, Any]]:
+        """What a checkpoint keeps of the steps behind: {name: (keys, rows)}, and plain values. Collective."""
+        rows, numbers = self.balance.memory()
+        keys = self.balance.keys
+        return {name: (keys[name], row) for name, row in rows.items()}, {"work": numbers, "within": self.within_facets}
+
+    def recall(self, rows_of: Callable[[Mapping[str, Ints64]], dict[str, Floats]], numbers: dict[str, Any]) -> None:
+        """Go on from what `memory` gave; rows_of: gives the rows of keys by name. Collective."""
+        self.within_facets |= {name: (greatest[0], greatest[1]) for name, greatest in numbers["within"].items()}
+        if numbers["work"]:
+            self.balance.recall(rows_of(self.balance.keys), numbers["work"])
 
     def notes(self) -> list[str]:
         """What is to be said of the contacts at the state assembled last. Collective."""
