@@ -9,6 +9,7 @@ from typing import Any
 import gmsh
 import numpy as np
 
+from fenics_contact.folded import Folded, folded
 from fenics_contact.meetings import Meeting, key, meetings
 from fenics_contact.mesh_files.load import load, refuse_without_cells
 from fenics_contact.types import Array, Floats, Ints64
@@ -55,8 +56,8 @@ Source = Callable[..., Any] | str | Path  # a script that draws and meshes the c
 class Groups:
     """dim: of the cells; `volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; in a plane mesh of its
     surfaces and its curves; `edges` and `points`: name -> ends (n, 2) of its lines, nodes (n, 1), numbered as the cells'
-    nodes are handed over; `cells`: name -> how many; `doubled` and
-    `touching`: Meetings of faces with other cells' faces, and of parts with each other, that share no nodes.
+    nodes are handed over; `cells`: name -> how many; `doubled` and `touching`: Meetings of faces with other cells' faces,
+    and of parts with each other, that share no nodes; `folded`: cells that are inside out at a node.
 
     A facet has one tag: every combination of surface groups that meet in a facet has a tag of its own.
     """
@@ -69,6 +70,7 @@ class Groups:
     cells: dict[str, int]
     doubled: tuple[Meeting, ...]
     touching: tuple[Meeting, ...]
+    folded: tuple[Folded, ...]
 
 
 # -- session ----------------------------------------------------------------------------------------------------------
@@ -175,15 +177,16 @@ def hand_over() -> Groups:
     """
     dim = 2 if not gmsh.model.getEntities(3) and gmsh.model.getPhysicalGroups(2) else 3
     volumes, surfaces = group_entities(dim), group_entities(dim - 1)
-    kind, label, cells, owner = _cells(dim, volumes)
+    kind, label, cells, owner, tags = _cells(dim, volumes)
+    used = np.unique(cells)
+    X = places(used)
+    bent = folded(kind, tags, X[np.searchsorted(used, cells)], np.array([*volumes])[owner])
     shape = label.split()[0]
     faces = cells[:, _FACES[shape]]
     owner_of_face = np.repeat(owner, faces.shape[1])
     faces = faces.reshape(-1, faces.shape[2])
     face_keys = key(faces)
     facets = _facets(dim, surfaces, face_keys, label)
-    used = np.unique(cells)
-    X = places(used)
     names = list(volumes)
 
     def groups_of(face: int) -> tuple[str, tuple[str, ...]]:
@@ -196,16 +199,18 @@ def hand_over() -> Groups:
     edges, points = {} if dim == 2 else _ends(1, used), _ends(0, used)
     rows = [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())]
     _replace(dim, used, X, kind, rows, facets)
-    return Groups(dim, volume_tags, facets.tags, edges, points, dict(zip(names, counts, strict=True)), doubled, touching)
+    sizes = dict(zip(names, counts, strict=True))
+    return Groups(dim, volume_tags, facets.tags, edges, points, sizes, doubled, touching, bent)
 
 
-def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64]:
-    """Type's number and name, nodes (n, k) and index of the volume (n,) of all cells, in the order of the groups' tags."""
+def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64, Array]:
+    """Type's number and name, nodes (n, k), index of the volume (n,) and tags (n,) of all cells, in the order of the groups'
+    tags."""
     if not volumes:
         raise ValueError("it has no physical volume; add one with gmsh.model.addPhysicalGroup(3, ...) and name it")
     group_of: dict[int, str] = {}
     kinds: dict[int, str] = {}
-    rows, owner = [], []
+    rows, owner, numbers = [], [], []
     for index, (name, (_, entities)) in enumerate(volumes.items()):
         for entity in entities:
             if group_of.setdefault(entity, name) != name:
@@ -216,11 +221,8 @@ def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, st
                 if label not in _CELLS[dim]:
                     raise ValueError(f"cells of type '{label}' are not supported; {_ADVICE[dim]}")
                 kinds[kind] = label
-                if dim == 3:
-                    _check_jacobians(kind, entity, tags)
-                else:
-                    nodes = counter_clockwise(label, nodes, tags)
-                rows.append(nodes)
+                rows.append(nodes if dim == 3 else counter_clockwise(label, nodes, tags))
+                numbers.append(tags)
                 owner.append(np.full(len(nodes), index))
         if index not in [o[0] for o in owner if len(o)]:
             raise ValueError(f"{_BODY[dim]} group '{name}' has no cells; mesh it with gmsh.model.mesh.generate({dim})")
@@ -238,19 +240,7 @@ def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, st
     if twice := int((copies > 1).sum()):
         raise ValueError(f"{twice} cells are there twice, with the same nodes; draw and mesh each {_BODY[dim]} once")
     ((kind, label),) = kinds.items()
-    return kind, label, cells, np.concatenate(owner)
-
-
-def _check_jacobians(kind: int, entity: int, tags: Array) -> None:
-    points, _ = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss2")
-    _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points, entity)
-    worst = np.asarray(determinants).reshape(len(tags), -1).min(axis=1)
-    bad = np.flatnonzero(~(worst > 0.0))
-    if bad.size:
-        raise ValueError(
-            f"{bad.size} inverted or flat elements, the first is element {tags[bad[0]]} with Jacobian {worst[bad[0]]:.3g}; "
-            "mesh the volume again or reverse its orientation"
-        )
+    return kind, label, cells, np.concatenate(owner), np.concatenate(numbers)
 
 
 def counter_clockwise(label: str, nodes: Ints64, tags: Array) -> Ints64:

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat, gmsh_model
 from fenics_contact.agreement import collect_together
+from fenics_contact.folded import Folded
 from fenics_contact.gmsh_model import Source
 from fenics_contact.meetings import Meeting, key
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
@@ -34,7 +35,8 @@ class NamedMesh:
 
     volumes: name -> tag in cell_tags; surfaces: name -> tags in facet_tags, one for every combination with other groups, so
     that groups may overlap; edges, points: name -> ends (n, 2) of lines, nodes (n, 1), by gmsh's order; doubled: faces of
-    cells that lie on one another with nodes of their own; touching: parts that touch or overlap otherwise, see meetings.
+    cells that lie on one another with nodes of their own; touching: parts that touch or overlap otherwise, see meetings;
+    folded: cells that are inside out at a node as drawn.
     """
 
     domain: Mesh
@@ -46,6 +48,7 @@ class NamedMesh:
     points: dict[str, Ints64]
     doubled: tuple[Meeting, ...] = ()
     touching: tuple[Meeting, ...] = ()
+    folded: tuple[Folded, ...] = ()
 
     def __repr__(self) -> str:
         cells_are, facets_are = ("surfaces", "curves") if self.plane else ("volumes", "surfaces")
@@ -152,6 +155,7 @@ def read_gmsh(
         domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, Groups(groups.edges), Groups(groups.points),
         groups.doubled,
         groups.touching,
+        groups.folded,
     )  # fmt: skip
 
 

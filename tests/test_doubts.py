@@ -1,12 +1,28 @@
 """What a run says of statements that can be meant, but seldom are."""
 
+import gmsh
 import numpy as np
 import pytest
+from mpi4py import MPI
 
-from fenics_contact import Body, Motion, Penalty, Scene, Stage, neo_hooke, read_gmsh, rigid_hub, rigid_plane, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Penalty,
+    Scene,
+    SceneError,
+    Stage,
+    neo_hooke,
+    read_gmsh,
+    read_mesh,
+    rigid_hub,
+    rigid_plane,
+    solve,
+)
 from fenics_contact.meshes import rectangles
 
 pytestmark = pytest.mark.parallel
+COMM = MPI.COMM_WORLD
 RUBBER = neo_hooke(mu=0.5, K=5.0)  # E = 1.45 MPa
 
 
@@ -149,6 +165,59 @@ def test_a_corner_through_its_cell(share, plane):
     assert result.column("smallest_J")[-1] == smallest > 0.0
     told = any("body 'square'" in note and "inside out at a corner" in note for note in result.verdict.notes)
     assert told == (share > 0.5)
+
+
+def draw_bent(dim, share, path=None):
+    """A triangle or a tetrahedron of order 2 with sides of 1, of which one has its middle node at a share of its length:
+    below 1/4 it is inside out at the corner there, by 4 share - 1, and below 0.1 in quadrature points, too."""
+    corners = np.vstack([np.zeros(3), np.eye(3)])[: dim + 1]
+    edges = [(0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)][: 3 * dim - 3]
+    X = np.vstack([corners, [0.5 * (corners[a] + corners[b]) for a, b in edges]])
+    X[dim + 1, 0] = share
+    middle = {frozenset(edge): i for i, edge in enumerate(edges, dim + 2)}
+    sides = {2: [(0, 1), (1, 2), (2, 0)], 3: [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]}[dim]
+    nodes = []
+    for side in sides:
+        around = zip(side, side[1:] + side[:1], strict=True) if dim == 3 else [side]
+        nodes.append([corner + 1 for corner in side] + [middle[frozenset(edge)] for edge in around])
+    kinds = {1: 8, 2: 9, 3: 11}
+    for d, rows in ((dim, [list(range(1, len(X) + 1))]), (dim - 1, nodes)):
+        gmsh.model.addDiscreteEntity(d, 1)
+        if d == dim:
+            gmsh.model.mesh.addNodes(d, 1, list(range(1, len(X) + 1)), X.ravel())
+        gmsh.model.mesh.addElementsByType(1, kinds[d], [], np.ravel(rows))
+        gmsh.model.setPhysicalName(d, gmsh.model.addPhysicalGroup(d, [1]), "cell" if d == dim else "skin")
+    if path:
+        gmsh.write(str(path))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(
+    "share, ends, drawn, turned", [(0.2, 0.3, True, False), (0.3, 0.2, False, True), (0.3, 0.4, False, False)]
+)
+def test_a_corner_that_is_inside_out_as_drawn(dim, share, ends, drawn, turned):
+    """It is told at the start, and of its J nothing later, which is below zero where it has come upright."""
+    mesh = read_gmsh(draw_bent, dim=dim, share=share)
+    scene = Scene(Body(mesh, "cell", RUBBER), degree=2, plane="strain" if dim == 2 else None, accept_locking=True)
+    for axis in "xyz"[:dim]:
+        way = (ends - share) * (axis == "x")
+        scene.prescribe("skin", axis, lambda X, t, way=way: way * t * (np.abs(X - [share, 0, 0]).max(axis=1) < 1e-9))
+    said = notes(scene)[1]
+    assert ("body 'cell': 1 cell is inside out as drawn" in said and "at (0, 0, 0)" in said) == drawn
+    assert ("turned inside out at a corner" in said) == turned
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_cell_that_is_inside_out_where_the_stress_asks_is_refused(dim, tmp_path):
+    path = COMM.bcast(tmp_path) / "cell.msh"
+    assert not read_gmsh(draw_bent, dim=dim, share=0.3).folded
+    for mesh in (read_gmsh(draw_bent, dim=dim, share=0.2, path=path), read_mesh(path)):
+        (found,) = mesh.folded
+        assert (found.body, found.count, found.place) == ("cell", 1, (0.0, 0.0, 0.0)) and found.worst < -0.1
+    with pytest.raises(SceneError, match="1 inverted or flat elements, the first is element 1"):
+        read_gmsh(draw_bent, dim=dim, share=0.05, path=path)
+    with pytest.raises(SceneError, match="1 inverted or flat elements, the first is element 1"):
+        read_mesh(path)
 
 
 def test_a_cell_on_the_axis_has_a_volume():

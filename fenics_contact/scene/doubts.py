@@ -39,6 +39,7 @@ AROUND = (
 def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
     """All of them; loads: those of the stages, too, but of fluids that contact keeps out. Collective."""
     return [
+        *_folded(scene),
         *_left_out(scene),
         *_cut(scene),
         *_unmet(scene),
@@ -201,6 +202,22 @@ def _unmet(scene: "Scene") -> list[str]:
             f"{names} without a contact there: {count} faces of cells, the first at {first}, lie on or in the other's; they "
             "pass through each other. State a contact between their surfaces, bond them with gmsh.model.occ.fragment before "
             "meshing, or draw them with a gap"
+        )
+    return notes
+
+
+def _folded(scene: "Scene") -> list[str]:
+    """What is to be said of bodies with cells that are inside out at a node as drawn."""
+    notes = []
+    for found in scene.mesh.folded:
+        cells = f"{found.count} cells are" if found.count > 1 else "1 cell is"
+        remedy = "cells of a more even shape mend"
+        if found.curved:
+            remedy = 'gmsh.model.mesh.optimize("HighOrder") after setOrder(2), or finer cells there, mend'
+        notes.append(
+            f"body '{found.body}': {cells} inside out as drawn at a corner or on an edge, at worst element {found.element} "
+            f"at {spot(np.array(found.place))}, where its Jacobian is {found.worst:.2g} of its mean: no quadrature point "
+            f"lies there, and the run goes on, but what is told of that place means little; {remedy} that"
         )
     return notes
 

@@ -29,6 +29,8 @@ class VolumeRatio:
         corners = basix.geometry(cell)
         near = (1.0 - NEAR) * corners + NEAR * corners.mean(axis=0)
         J, self._inner = ufl.det(vp.deformation_gradient(u, section)), len(points)
+        # of a corner that is inside out as drawn J tells nothing: below zero it has come upright
+        J = ufl.conditional(ufl.gt(ufl.JacobianDeterminant(mesh.domain), 0.0), J, 1.0)
         self._evaluate = compat.cell_evaluator(mesh.domain, J, np.concatenate([points, near]))
 
     def check(self, least: float = 0.0) -> Finding | None:
