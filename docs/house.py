@@ -32,6 +32,7 @@ KNOWS = {
     "solvers": "Newton, arc, verdicts",
     "assembly": "terms, System, supports",
     "meetings": "what lies on what",
+    "folded": "cells inside out as drawn",
     "kernels": "Numba: law, feet",
     "form_files": "what FFCx compiled",
     "compat": "dolfinx' versions",
