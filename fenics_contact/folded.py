@@ -69,4 +69,15 @@ def _jacobians(kind: int, X: Floats, points: Floats) -> Floats:
     _, gradients, _ = gmsh.model.mesh.getBasisFunctions(kind, uvw.ravel(), "GradLagrange")
     slopes = np.asarray(gradients).reshape(len(points), X.shape[1], 3)[..., :dim]
     parts = [X[i : i + _AT_ONCE] for i in range(0, len(X), _AT_ONCE)]
-    return np.concatenate([np.linalg.det(np.einsum("pka,ckx->cpax", slopes, part)) for part in parts])
+    return np.concatenate([_determinants(np.tensordot(slopes, part, (1, 1))) for part in parts], axis=1).T
+
+
+def _determinants(a: Floats) -> Floats:
+    """Of matrices (p, dim, n, dim) those (p, n), by cofactors: of many small ones many times as fast as by pivots."""
+    if a.shape[1] == 2:
+        return np.asarray(a[:, 0, :, 0] * a[:, 1, :, 1] - a[:, 0, :, 1] * a[:, 1, :, 0])
+    one, two, three = (np.ascontiguousarray(a[:, i].transpose(2, 0, 1)) for i in range(3))
+    out = one[0] * (two[1] * three[2] - two[2] * three[1])
+    out += one[1] * (two[2] * three[0] - two[0] * three[2])
+    out += one[2] * (two[0] * three[1] - two[1] * three[0])
+    return np.asarray(out)
