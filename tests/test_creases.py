@@ -345,6 +345,42 @@ def test_an_edge_shows_the_pressure_of_the_side_that_presses(master, degree):
     np.testing.assert_allclose((peaks[1], areas[1]), (peaks[0], areas[0]), rtol=near)
 
 
+def pressed_roof(friction):
+    """A stiff ridge of 90 degrees, pressed straight into a soft block, at the end."""
+    drawn = {"low": ((-3.0, -2.0), (6.0, 2.0), (24, 8)), "roof": ((0.0, 5.0), (1.0, 1.0), (4, 4))}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    x = mesh.domain.geometry.x
+    roof, half = x[:, 1] > 4.0, np.sqrt(0.5)
+    x[roof, :2] = (x[roof, :2] - (0.0, 5.0)) @ np.array([[half, half], [-half, half]])
+    scene = Scene(Body(mesh, "low", neo_hooke(1.0, 3.0)), Body(mesh, "roof", neo_hooke(50.0, 150.0)), plane="strain")
+    scene.fix("low_ymin")
+    scene.fix(("roof_ymax", "roof_xmax"), "x")
+    scene.prescribe(("roof_ymax", "roof_xmax"), "y", -0.3)
+    scene.contact(("roof_ymin", "roof_xmin"), "low_ymax", friction, name="c")
+    return solve(scene, steps=10).require()
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("friction", [0.01, 0.3])
+def test_a_ridge_shows_what_acts_across_and_along_the_master(friction):
+    """Its flanks lean by 45 degrees to what it presses: with the pressures along their own normals the load was less than
+    what it is to hold, by up to a third, and friction had a part of that."""
+    result = pressed_roof(friction)
+    row, contact, state = result.history[-1], result.system.contacts[0], result.system.state
+    force, rubs = (np.array([row[f"c_{part}_{axis}_N"] for axis in "xy"]) for part in ("force", "friction"))
+    load = row["c_load_N"]
+    assert np.cos(np.radians(28.0)) * load < np.linalg.norm(force - rubs) <= load  # no facet that is pressed leans by more
+    assert np.linalg.norm(rubs) < friction * load
+    (pressure, along), across = contact.forces.acting(state), contact.forces.pressing(state)
+    most = result.system.comm.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
+    assert (np.linalg.norm(along, axis=2) - friction * pressure).max(initial=0.0) < 1e-12 * most
+    assert (np.linalg.norm(across, axis=2) - pressure).max(initial=0.0) < 1e-12 * most
+    assert np.abs(np.einsum("nqc,nqc->nq", across, along)).max(initial=0.0) < 1e-3 * friction * most**2
+    at, owned = result.measured.surfaces[0].at_state(), result.system.space.dofmap.index_map.size_local
+    held = result.system.comm.allreduce((at.pressure * at.area)[:owned].sum())
+    assert held == pytest.approx(load, rel=1e-9)
+
+
 @pytest.mark.parallel
 def test_a_run_is_resumed_with_what_both_sides_of_an_edge_have(tmp_path):
     out, (scene, stages) = MPI.COMM_WORLD.bcast(tmp_path), sharp_block(0.3, FLANKS, 1)

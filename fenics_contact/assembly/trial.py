@@ -115,7 +115,8 @@ class Response:
     nq): codes of kernels/status.py; cover (ne, nq): share of eps_n, below one where a point slides out under a sharp edge;
     forces: sums of area T at the nodes, as the master numbers them; split: pressure (ne, nq) and friction on the slave (ne,
     nq, 3), where T is a mean over normals that may differ; power (ne, nq): friction's over what it has on ways in the
-    slave's facets, where it acts in others.
+    slave's facets, where it acts in others; acting: as split, of the forces: across and along what is
+    pressed, which lies aslant to the slave's facet at its ends and creases.
     """
 
     traction: Floats
@@ -125,3 +126,4 @@ class Response:
     forces: Floats
     split: tuple[Floats, Floats] | None = None
     power: Floats | None = None
+    acting: tuple[Floats, Floats] | None = None

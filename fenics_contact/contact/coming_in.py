@@ -68,10 +68,10 @@ def _between(contact: Contact, state: State, hung: tuple[Floats, Ints64], above:
 
 def pressing_forces(contact: Contact, state: State) -> Function:
     """What pressure exerts on the slave's nodes, a vector at each. Collective."""
-    s, normals = contact.surface, contact.forces.normals(state)
-    pressing = contact.forces.split_traction(state)[0] * s.area
+    s = contact.surface
+    pressing = contact.forces.pressing(state) * s.area[..., None]
     forces = compat.Function(state.u.function_space)
-    np.add.at(forces.x.array.reshape(-1, 3), s.nodes, np.einsum("eqk,eqc->ekc", s.a, pressing[..., None] * normals))
+    np.add.at(forces.x.array.reshape(-1, 3), s.nodes, np.einsum("eqk,eqc->ekc", s.a, pressing))
     compat.sum_to_owners(forces)
     compat.copy_to_ghosts(forces)
     return forces

@@ -29,8 +29,8 @@ class Forces:
         return self._contact.places.normals(self._contact.places.feet(state))
 
     def split_traction(self, state: State, trial: Trial | None = None) -> tuple[Floats, Floats]:
-        """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area]; trial: by
-        default the present one."""
+        """Contact pressure (ne, nq) and friction traction on the slave (ne, nq, 3) [pressure, per reference area], between
+        which the law of friction holds; trial: by default the present one."""
         response = self._contact.response(state, trial)
         if response.split is not None:
             return response.split
@@ -39,6 +39,16 @@ class Forces:
             pressure = -np.einsum("eqc,eqc->eq", traction, normal)
             self._last = response, (pressure, -traction - pressure[..., None] * normal)
         return self._last[1]
+
+    def acting(self, state: State) -> tuple[Floats, Floats]:
+        """The same as results show them: the sizes (ne, nq) of what acts normal to what is pressed, and the vectors (ne, nq,
+        3) along it, which add up to the force. At ends and creases averages press by more than the law's pressure."""
+        acting = self._contact.response(state).acting
+        return self.split_traction(state) if acting is None else acting
+
+    def pressing(self, state: State) -> Floats:
+        """What pressure alone exerts on the slave (ne, nq, 3) [pressure, per reference area]."""
+        return -self._contact.response(state).traction - self.acting(state)[1]
 
     def round_off(self) -> Floats:
         """Pressures (ne, 1) up to which points touch by round-off alone: of gaps that the coordinates do not resolve."""
@@ -60,7 +70,7 @@ class Forces:
 
     def resultants(self, state: State) -> tuple[Floats, Floats]:
         """Force on the slave (3,), summed over all ranks, and contact pressure at this rank's points (n,)."""
-        return self.measures(state)["force"], self.split_traction(state)[0].ravel()
+        return self.measures(state)["force"], self.acting(state)[0].ravel()
 
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""

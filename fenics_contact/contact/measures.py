@@ -26,7 +26,7 @@ def contact_measures(contact: Contact, state: State) -> dict[str, Any]:
     """
     s, comm, response = contact.surface, state.comm, contact.response(state)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
-    pressure, friction = contact.forces.split_traction(state)
+    pressure, friction = contact.forces.acting(state)
     status, h = contact.forces.status(state), contact.trial.history
     closed = status != OPEN
     # at the nodes: an average acts through the samples around its node, and not where that is
@@ -66,7 +66,7 @@ def within_facets(contact: Contact, state: State) -> float:
     if not isinstance(contact.places, PlacesOnFacets):
         return 0.0
     points, facets, areas = contact.places.meets(contact.places.feet(state))
-    pressure = np.maximum(contact.forces.split_traction(state)[0].ravel()[points], 0.0)
+    pressure = np.maximum(contact.forces.acting(state)[0].ravel()[points], 0.0)
     comm, weights = state.comm, (areas, areas * pressure, areas * pressure**2)
     count = max(comm.allgather(int(facets.max(initial=-1)))) + 1
     area, load, squares = comm.allreduce(np.array([np.bincount(facets, each, count) for each in weights]))

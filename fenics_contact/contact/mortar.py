@@ -69,14 +69,14 @@ class MortarPartner(OnFacets):
 
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
-        forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 9)), self.surface.area
-        acting = N, T, self.places.around.number
-        kernel.add_node_forces(self._pairs(feet, trial), acting, forces, sums)
+        forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 13)), self.surface.area
+        kernel.add_node_forces(self._pairs(feet, trial), (N, T, self.places.around.number), forces, sums)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
         traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:7] / area)[:, None])
-        more = sums[:, 8:] / np.maximum(sums[:, 7:8], 1e-300)
-        return Response(traction, gap, status[:, None], cover, forces, split, 1.0 + more)
+        more = sums[:, 8:9] / np.maximum(sums[:, 7:8], 1e-300)
+        acting = -sums[:, 9:10] / area, (-sums[:, 10:] / area)[:, None]
+        return Response(traction, gap, status[:, None], cover, forces, split, 1.0 + more, acting)
 
     def _pairs(self, feet: MortarFeet, trial: Trial) -> kernel.Pairs:
         return feet.pairs(self.places.facets, own(trial.history.anchors))

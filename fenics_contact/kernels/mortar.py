@@ -325,9 +325,9 @@ def _put_rows(rates: Floats, A: int, at: int, share: float, rows: tuple[Vector, 
 
 @njit(cache=True, error_model="numpy")
 def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) -> None:
-    """Add the virtual power of (14) to forces (nx, 3), and to the sums (ns, 9) of each slave node T, N, T_T, the square of
-    T_T and what it has more where friction acts aside: each sample presses along a normal of its own, so that T alone does
-    not tell N from T_T.
+    """Add the virtual power of (14) to forces (nx, 3), and to the sums (ns, 13) of each slave node T, N, T_T, the square of
+    T_T and what it has more where friction acts aside, then what N and T_T are as forces: the size across what is pressed
+    and the vector along it. Each sample presses along a normal of its own, so that T alone does not tell one from the other.
     """
     coords, slaves, surface, met, _ = pairs
     nodes, (N, T, number) = slaves.nodes, acting
@@ -352,9 +352,11 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
             sums[A, 3] += share * N[A]
             sums[A, 7] += share * dot(in_plane, in_plane)
             sums[A, 8] += share * rises * rises
+            sums[A, 9] += share * N[A] * (norm(along) if slaves.ends[f, c] else 1.0)
             for a in range(3):
                 sums[A, a] += share * (N[A] * along[a] + in_plane[a] - rises * n[a])
                 sums[A, 4 + a] += share * in_plane[a]
+                sums[A, 10 + a] += share * (in_plane[a] - rises * n[a])
         force = plus(plus(times(total, n), times(at_ends, more)), less(tangential, across, n))
         for i in range(nodes.shape[1]):
             add_row(forces, nodes[f, i], slaves.shape[q, i], force)

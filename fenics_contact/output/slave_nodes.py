@@ -93,7 +93,7 @@ class SlaveNodes:
         """The values at the system's state. Collective."""
         state, contact = self._system.state, self.contact
         response, s, h = contact.response(state), contact.surface, contact.trial.history
-        pressure, friction = contact.forces.split_traction(state)
+        pressure, friction = contact.forces.acting(state)
         covered = contact.forces.covered(state)
         status = contact.forces.status(state)
         closed = np.where(status != OPEN, covered, 0.0)
@@ -148,8 +148,7 @@ class SlaveNodes:
             return np.ones(skin.nodes.shape, dtype=bool)
         sums, state = self._sums.array.reshape(-1, SUMS), self._system.state
         sums[:] = 0.0
-        against = self.contact.response(state).traction + self.contact.forces.split_traction(state)[1]
-        np.add.at(sums[:, :3], s.nodes[:, 0], s.area * against[:, 0])
+        np.subtract.at(sums[:, :3], s.nodes[:, 0], s.area * self.contact.forces.pressing(state)[:, 0])
         compat.copy_to_ghosts(self._sums)
         x = skin.X + state.u.x.array.reshape(-1, 3)[skin.nodes]
         normal, push = np.cross(*skin.tangents(x)).sum(axis=1), sums[:, :3][skin.nodes]
