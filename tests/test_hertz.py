@@ -1,9 +1,11 @@
 """Smooth contact with known answers: Hertz's sphere and cylinder on a half-space, and a rubber cylinder between plates."""
 
+import gmsh
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Scene, mooney_rivlin, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact.kernels.status import OPEN
 from fenics_contact.meshes import disc
 from fenics_contact.studies import hertz as study
 from fenics_contact.studies.hertz import DEPTH, STAR, A, hertz, indented
@@ -77,3 +79,53 @@ def test_rubber_cylinder_between_plates():
     coarse, fine = squeezed_cylinder(6), squeezed_cylinder(16)
     assert abs(fine / 4.5622 - 1) < 0.01, (coarse, fine)  # the reference of an independent code
     assert abs(fine - 4.5622) < abs(coarse - 4.5622), (coarse, fine)
+
+
+def half_ball(size):
+    """A quarter of a half ball of curved tetrahedra on a plane, pressed by 0.03 of its radius."""
+
+    def script():
+        occ, tags = gmsh.model.occ, {}
+        ball = occ.addSphere(0, 0, 0, 1.0, angle1=-np.pi / 2, angle2=0, angle3=np.pi / 2)
+        occ.synchronize()
+        for _, face in gmsh.model.getEntities(2):
+            x, _, z = np.abs(occ.getCenterOfMass(2, face))
+            flat = "top" if z < 1e-6 else "x0" if x < 1e-6 else "y0"
+            tags["skin" if gmsh.model.getType(2, face) == "Sphere" else flat] = face
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [ball]), "ball")
+        for name, face in tags.items():
+            gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), name)
+        field = gmsh.model.mesh.field
+        graded = field.add("MathEval")
+        field.setString(graded, "F", f"{size}+0.35*Max(0,Sqrt(x*x+y*y+(z+1)*(z+1))-0.25)")
+        field.setAsBackgroundMesh(graded)
+        for option in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(2)
+
+    scene = Scene(Body(read_gmsh(script), "ball", neo_hooke(1.0, K=3.0)), degree=2)
+    scene.fix("x0", "x")
+    scene.fix("y0", "y")
+    scene.prescribe("top", "z", -0.03)
+    scene.contact("skin", rigid_plane((0, 0, -1), (0, 0, 1), name="floor"), 0.1, name="c")
+    return solve(scene, steps=3).require()
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("size", [0.08, 0.13])
+def test_gauss_points_show_the_area_gap_and_slip_of_those_that_press(size):
+    """2.2 and 1.4 cells per radius of the contact. By nodes that any pressure reaches its area was 40 % too large; means
+    over points that press and open ones beside them showed gaps where the ball presses, and less slip than the columns."""
+    result = half_ball(size)
+    row, comm, surface = result.history[-1], result.system.comm, result.measured.surfaces[0]
+    stiff = 2.7 / (1.0 - 0.35**2)
+    radius = (0.75 * 4.0 * row["c_force_z_N"] / stiff) ** (1 / 3)
+    assert row["c_area_mm2"] == pytest.approx(np.pi * radius**2 / 4.0, rel=0.1)
+    at = surface.at_state()
+    gaps = np.where(at.status != OPEN, at.gap, -1e-300)
+    assert max(comm.allgather(gaps.max(initial=-1.0))) < 0.0
+    assert -min(comm.allgather(gaps.min(initial=0.0))) <= row["c_penetration_mm"]
+    assert -min(comm.allgather(gaps.min(initial=0.0))) > 0.5 * row["c_penetration_mm"]
+    slip = max(comm.allgather(at.slip.max(initial=0.0)))
+    assert 0.5 * row["c_greatest_slip_mm"] < slip <= row["c_greatest_slip_mm"]

@@ -23,7 +23,7 @@ ALIKE = 1e-6  # of the greatest pressure: nodes that differ by less have it in c
 STRETCHED = 0.05  # change of the area in contact from which on a law of friction that knows pressures is off by it
 IN_CONTACT = np.array([CLOSED, SLIP, STICK])
 MEANS = ("pressure", "gap", "slip")  # what is between corners of degree 2 the mean of theirs, friction too
-SUMS = 18  # numbers that are summed at a node
+SUMS = 22  # numbers that are summed at a node
 ROUNDED = 1e-9  # weight of a corner that a node does not lie beside
 TINY = 1e-200  # in the place of a pressure that is none: such points still have a status
 # Of its share of the facets around: a node that keeps less present area has no pressure of its own. On a facet of degree 2
@@ -38,8 +38,9 @@ class NodalContact:
 
     area: current one of the slave surface that belongs to a node, of an edge that of the sides that are pressed [length^2];
     pressure, friction (n, 3): tractions on that area [pressure], where a facet has folded over at a node on its share, as at
-    the start, of that of the facets around; gap, slip: means over the points around a node, slip along the way [length];
-    status: codes of kernels/status.py, open where nothing presses, else that of the points around that press most in sum;
+    the start, of that of the facets around; gap, slip: means over the points around a node, slip along the way [length]; of
+    points on facets the gap is that of those which press, weighted by how much, where any does, the slip of those that have
+    met; status: codes of kernels/status.py, open where nothing presses, else that of points around that press most in sum;
     closed: share of the node's area in contact; covered: share of it that lies over the master; stretch: all area of the
     facets around over that at the start.
     """
@@ -86,6 +87,9 @@ class SlaveNodes:
         self.rings = _rings(self.skin, s.linear)
         self._over_depth = _over_depth(self.skin.N, self.skin.X, bare)
         self.reference = space.tabulate_dof_coordinates()
+        self._points: Skin | None = None  # Gauss points of the contact, where it has such on facets that bend
+        if s.gradients is not None and compat.degree(space) == 2 and not s.corners:
+            self._points = replace(self.skin, nodes=s.nodes, N=s.a, slopes=s.gradients, area=s.area, X=s.X)
         self._owned = space.dofmap.index_map.size_local
         self._keys: Ints64 | None = None
 
@@ -106,6 +110,10 @@ class SlaveNodes:
         sums[:] = 0.0
         np.add.at(sums[:, 2:12], s.nodes, np.einsum("eqk,eqv->ekv", self._share, values))
         np.add.at(sums[:, 12:15], s.nodes, np.einsum("eqk,eqv->ekv", np.abs(self._share), held))
+        if s.gradients is not None:  # an open point beside says nothing of one that presses
+            told = np.stack([held.sum(axis=2), h.met], axis=-1)
+            told = np.concatenate([told, told * np.stack([response.gap, h.slip_path], axis=-1)], axis=-1)
+            np.add.at(sums[:, 18:], s.nodes, np.einsum("eqk,eqv->ekv", np.abs(self._share), told))
         areas, skin = self._areas(), self.skin
         around = np.stack([areas, skin.area]) * self._over_depth
         parts = np.einsum("eq,eqk->ek", around[0], self._lumped)
@@ -128,6 +136,8 @@ class SlaveNodes:
         pressure, friction = means[:, 0] * per_area, means[:, 6:] * per_area[:, None]
         presses = (held > 0.0).any(axis=1) & ((closed > 0.0) | (pressure > 0.0))
         status = np.where(presses, IN_CONTACT[held.argmax(axis=1)], OPEN)
+        told = sums[:, 18:20] * np.column_stack([presses, on])
+        gap, slip = np.divide(sums[:, 20:], told, out=np.column_stack([gap, slip]), where=told > 0.0).T
         return NodalContact(on, area, pressure, friction, gap, slip, status, closed, covered, now * mean)
 
     def _telling(self, closed: Bools) -> Floats:
@@ -215,19 +225,32 @@ class SlaveNodes:
         """Current positions (n, 3) of all local nodes [length]."""
         return self.reference + self._system.state.u.x.array.reshape(-1, 3)
 
-    def _areas(self) -> Floats:
-        """Current areas (ne, nq) of the facets' points [length^2]."""
-        return self.skin.current_area(self.skin.X + self._system.state.u.x.array.reshape(-1, 3)[self.skin.nodes])
+    def _areas(self, of: Skin | None = None) -> Floats:
+        """Current areas (ne, nq) of the points of a skin, by default those of the facets [length^2]."""
+        skin = of or self.skin
+        return skin.current_area(skin.X + self._system.state.u.x.array.reshape(-1, 3)[skin.nodes])
 
     def zone(self, at: NodalContact) -> Zone:
         """Where the contact presses. Collective."""
         comm, x, touched = self.comm, self.positions(), at.closed > 0.0
+        area = comm.allreduce(self._pressed_area(at, touched) if self._points is None else self._closed_area(self._points))
+        peak, place = self._peak(at, x)
+        return Zone(peak, place, area, self._width(touched, x))
+
+    def _pressed_area(self, at: NodalContact, touched: Bools) -> float:
+        """Of nodes, on this rank. Collective."""
         # a facet between nodes that all touch is in contact as a whole, though single points of it may be open just now
         whole = touched[self.skin.corners].all(axis=1)
         share = np.where(whole[:, None], at.covered[self.skin.nodes], at.closed[self.skin.nodes])
-        area = comm.allreduce(float(np.einsum("ek,eq,eqk->", self._pressed() * share, self._areas(), self._lumped)))
-        peak, place = self._peak(at, x)
-        return Zone(peak, place, area, self._width(touched, x))
+        return float(np.einsum("ek,eq,eqk->", self._pressed() * share, self._areas(), self._lumped))
+
+    def _closed_area(self, points: Skin) -> float:
+        """Of Gauss points, on this rank: within a facet of which some press the contact ends midway between the area of them
+        and all of it, for points before its end stay open, too. Straight facets press as a whole: it ends between nodes."""
+        state, forces = self._system.state, self.contact.forces
+        closed = forces.status(state) != OPEN
+        share = np.where(closed, 1.0, 0.5 * closed.any(axis=1, keepdims=True))
+        return float((share * forces.covered(state) * self._areas(points)).sum())
 
     def _peak(self, at: NodalContact, x: Floats) -> tuple[float, Floats]:
         """Greatest pressure and its place: of nodes alike, as symmetry makes them, the first by x, y, z of the reference."""
