@@ -121,18 +121,24 @@ def isochoric_energy(material: Material, I1: float, I2: float) -> float:
     return float(ufl.as_ufl(energy_parts(material)[0](I1, I2)))
 
 
-def at_dilatation(material: Material, theta: Expr, holds: bool) -> Callable[[Expr, Expr, Expr], Expr]:
+def at_dilatation(material: Material, theta: Expr, holds: float | None) -> Callable[[Expr, Expr, Expr], Expr]:
     """Energy [pressure] of (I1, I2, J) whose volume follows a dilatation theta of its own; TypeError as of `energy_parts`.
 
-    holds: with isochoric (J/theta - 1)^2, which keeps J near theta within a cell; zero where they are equal, and at rest.
+    holds: None, or with (isochoric + holds / 2) (J/theta - 1)^2 [pressure], which keeps J near theta within a cell; zero
+    where they are equal.
     """
     isochoric, volumetric = energy_parts(material)
-    if not holds:
+    if holds is None:
         return lambda I1, I2, J: isochoric(I1, I2) + volumetric(theta)
-    return lambda I1, I2, J: isochoric(I1, I2) * (1 + (J / theta - 1) ** 2) + volumetric(theta)
+
+    def energy(I1: Expr, I2: Expr, J: Expr) -> Expr:
+        apart = (isochoric(I1, I2) + holds / 2) * (J / theta - 1) ** 2
+        return isochoric(I1, I2) + volumetric(theta) + apart
+
+    return energy
 
 
-def with_pressure(material: Material, p: Expr, theta: Expr, holds: bool) -> Isotropic:
+def with_pressure(material: Material, p: Expr, theta: Expr, holds: float | None) -> Isotropic:
     """Energy at a dilatation, as of `at_dilatation`, + p J: the volume answers with a pressure p [pressure] that is a field
     of its own."""
     energy = at_dilatation(material, theta, holds)
