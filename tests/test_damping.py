@@ -437,7 +437,7 @@ def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
     for side in ("ymin", "ymax"):
         scene.fix(side, "y")
     scene.pressure("zmax", 0.8)
-    scene.contact("upper", "lower", 0.3, name="slot")
+    scene.contact("upper", "lower", 0.5, name="slot")
     result = solve(scene, steps=[0.1, 0.2, 0.3, 0.4, 0.45]).require()
     assert any("in short steps too" in note for note in result.verdict.notes)
     assert result.summary["damping"]["work_share"] < 1e-3

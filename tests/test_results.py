@@ -304,6 +304,18 @@ def test_the_energy_note_is_for_more_than_steps_explain(power, jump, said):
     assert energy_summary(rows, Units(), noise=2.0 * work[-1]) == {}
 
 
+@pytest.mark.parametrize(("worst", "says"), [(0.84, "take more steps there"), (0.1, "multipliers do not mend")])
+def test_what_one_step_leaves_is_mended_by_more_of_them(worst, says):
+    """Blades pressed and let go in a step each: 3.8 % missing, 1.5, 0.04, 0.005 in 2, 4, 8. Edges leave it step by step."""
+    work, left = 10.0 * np.ones(10), np.full(10, (1.0 - worst) * 4.0 / 9.0)
+    left[6] = worst * 4.0
+    columns = zip(0.1 * np.arange(1, 11), work.cumsum(), left.cumsum(), strict=True)
+    rows = [{"t": t, "work_done_Nmm": w, "energy_error_Nmm": e, "top_normal_work_error_Nmm": e} for t, w, e in columns]
+    summary = energy_summary(rows, Units(), along={"top": "slave"}, growth={"top": 0.83, "": 0.83})
+    (note,) = energy_notes(summary, 10, Units())
+    assert says in note and "left by the pressures of contact 'top'" in note
+
+
 @pytest.mark.parametrize(("share", "said"), [(0.25, False), (0.4, True)])
 def test_a_single_step_that_misses_more_than_it_may_is_said(share, said):
     """A quarter is what a ball pressed in one step misses; more may be a body that has folded over the tool."""

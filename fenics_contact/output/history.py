@@ -232,9 +232,11 @@ def energy_notes(
     growth = summary["normal_work_error_growth"].get(most)
     if growth is not None and parts[most] > MOST:
         left = f"{text}, {parts[most]:.0%} of that left by the pressures of contact '{most}', "
-        if growth <= GROWS:
-            return [f"{left}as much with steps twice as long: they act along {ALONG[summary['normals'][most]]}"]
-        return [f"{left}{growth:.2g} times as much with steps twice as long; {where}: take more steps, there above all"]
+        if growth > GROWS:
+            return [f"{left}{growth:.2g} times as much with steps twice as long; {where}: take more steps, there above all"]
+        if summary["worst_step_share"] > MOST:  # of which longer steps tell nothing
+            return [f"{left}{where}: take more steps there"]
+        return [f"{left}as much with steps twice as long: they act along {ALONG[summary['normals'][most]]}"]
     if turned > 0.0:
         where = (
             f"most of that in steps that turn a tool by up to {math.degrees(turned):.0f} degrees: forces that turn along "
