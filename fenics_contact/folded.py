@@ -8,7 +8,7 @@ import numpy as np
 
 from fenics_contact.types import Array, Floats
 
-_RULES = (3, 5)  # degrees of the quadrature in bodies of degree 1 and 2
+_RULES = (3, 5)  # `quadrature_degree` of solid/elements.py, of bodies of degree 1 and 2
 _ROUNDED = 1e-10  # of a cell's mean Jacobian: a side of no length leaves that at its ends, and is no fold
 _AT_ONCE = 10_000  # cells, not to fill the memory
 
@@ -35,22 +35,21 @@ def folded(kind: int, tags: Array, X: Floats, body: Array) -> tuple[Folded, ...]
     inner, at_nodes = _inner(name, dim, straight), np.asarray(nodes).reshape(-1, dim)
     found = _jacobians(kind, X[..., :dim], np.concatenate([inner, at_nodes[: 0 if straight else None]]))
     within, at = found[:, : len(inner)], found[:, len(inner) :]
-    worst = within.min(axis=1)
-    bad = np.flatnonzero(~(worst > 0.0))
+    least = within.min(axis=1)
+    bad = np.flatnonzero(~(least > 0.0))
     if bad.size:
         raise ValueError(
-            f"{bad.size} inverted or flat elements, the first is element {tags[bad[0]]} with Jacobian {worst[bad[0]]:.3g}; "
+            f"{bad.size} inverted or flat elements, the first is element {tags[bad[0]]} with Jacobian {least[bad[0]]:.3g}; "
             "mesh the volume again or reverse its orientation"
         )
     shares = at / within.mean(axis=1)[:, None]
     bad = np.flatnonzero(shares.min(axis=1, initial=1.0) < -_ROUNDED)
     groups = []
-    for name in dict.fromkeys(body[bad].tolist()):
-        cells = bad[body[bad] == name]
+    for of in dict.fromkeys(body[bad].tolist()):
+        cells = bad[body[bad] == of]
         one, node = np.unravel_index(int(shares[cells].argmin()), shares[cells].shape)
-        cell = cells[one]
-        place, worst = tuple(X[cell, node].tolist()), float(shares[cell, node])
-        groups.append(Folded(name, len(cells), int(tags[cell]), place, worst, order > 1))
+        worst, place = cells[one], tuple(X[cells[one], node].tolist())
+        groups.append(Folded(of, len(cells), int(tags[worst]), place, float(shares[worst, node]), order > 1))
     return tuple(groups)
 
 

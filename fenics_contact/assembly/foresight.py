@@ -69,6 +69,8 @@ class Foresight:
     def follow(self, state: State) -> bool:
         """The same after a solve, of which the contacts go on taking what had been foreseen: the gaps that new samples find
         differ from the old ones' by more than a soft part presses a penalty in. Collective."""
+        if not any(contact.partner.settles for contact in self._all):  # averages do: others have no samples
+            return False
         told = self._foreseen(state)
         if changed := self.resample(state):
             self._told = told

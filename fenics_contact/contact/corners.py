@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact.assembly.finding import UNKNOWN, Finding
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.foremost import worst
-from fenics_contact.contact.passing import tool_distances, tool_normals
+from fenics_contact.contact.passing import at_start, tool_distances, tool_normals
 from fenics_contact.contact.rigid_places import RigidPlaces
 from fenics_contact.contact.tools import parts_of
 from fenics_contact.kernels.rigid_shapes import UNION
@@ -29,7 +29,7 @@ def cornered(contact: Contact, state: State) -> Finding | None:
         return None
     feet = places.feet(state)
     x = feet.pose.before((s.a @ feet.x).reshape(-1, 3))
-    parts = [(part.kind, part.shape, part.origin, part.axes, np.zeros(3)) for part in parts_of(places.tool)]
+    parts = [at_start(part) for part in parts_of(places.tool)]
     gaps, normals = (np.array([of(x, part) for part in parts]) for of in (tool_distances, tool_normals))
     nearest = normals[gaps.argmin(axis=0), np.arange(len(x))]
     aside = np.einsum("pnc,nc->pn", normals, nearest) < ALIKE

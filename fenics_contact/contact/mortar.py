@@ -137,10 +137,11 @@ class MortarPartner(OnFacets):
         part = self._laws.softened(averaged, trial)
         eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]
         foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
-        found = np.column_stack([np.minimum(averaged[0], self.places.search) + trial.history.shift.ravel(), averaged[1]])
+        gaps = np.minimum(averaged[0], self.places.search)
+        found = np.column_stack([gaps + trial.history.shift.ravel(), averaged[1]])
         share = np.minimum(kernel.WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
-        pressed, travel = before.rates[:, 0, 0] != 0.0, np.abs(found[:, 0] - means[0] - trial.history.shift.ravel())
-        soft = kernel.SOFT * np.abs(foreseen[:, 0]) / np.maximum(travel, 1e-300)
+        pressed = before.rates[:, 0, 0] != 0.0
+        soft = kernel.SOFT * np.abs(foreseen[:, 0]) / np.maximum(np.abs(gaps - means[0]), 1e-300)
         share[pressed, 0] = np.minimum(share[:, 0], soft)[pressed]
         turned = np.einsum("nc,nc->n", foreseen[:, 1:], found[:, 1:]) < 0.0  # it has slid against what rubs it:
         share[turned, 1:] = 0.0  # it sticks before it slides that way

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import ToolPose, distances, point_normals
 from fenics_contact.types import Bools, Floats, Ints64
 
@@ -20,6 +21,11 @@ LEAN = 0.05  # sine by which a facet must turn its front, or its back, to the to
 GRAZES = 0.1
 ACROSS = -0.5  # cosine between the tool's normals where a place enters and leaves: these are two sides of the tool
 BEYOND = 2.0  # a place of a facet of degree 2 may go farther than its nodes, by less than that
+
+
+def at_start(tool: RigidTool) -> ToolPose:
+    """A tool as kernels/rigid_element.py takes it, where it is at the start."""
+    return tool.kind, tool.shape, tool.origin, tool.axes, np.zeros(3)
 
 
 class Facets(NamedTuple):

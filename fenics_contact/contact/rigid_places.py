@@ -12,7 +12,7 @@ from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.entered import Entered, entered
-from fenics_contact.contact.passing import Facets, depths_passed, tool_distances
+from fenics_contact.contact.passing import Facets, at_start, depths_passed, tool_distances
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import Points, ToolPose, distances, point_normals
@@ -160,9 +160,8 @@ class RigidPlaces:
             facets = Facets(s.a, s.gradients, s.X)
         else:
             return None
-        at_start = self.tool.kind, self.tool.shape, self.tool.origin, self.tool.axes, np.zeros(3)
         before, after = (feet.pose.before(feet.facets) for feet in (then, now))
-        return depths_passed(facets, before, after, at_start, s.cell_height)
+        return depths_passed(facets, before, after, at_start(self.tool), s.cell_height)
 
     def back_share(self, state: State) -> float:
         """Zero: an analytic tool knows its outside."""

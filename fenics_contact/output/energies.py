@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm
-from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.section import Section, adding_up
 from fenics_contact.assembly.system import System
@@ -68,15 +67,11 @@ class _Pressing:
 
     @classmethod
     def of(cls, contact: ContactTerm, system: System) -> "_Pressing":
-        vector, wrenches = system.new_vector(), np.zeros_like(system.tool_residual)
-        with vector.localForm() as local:
-            stored = contact.forces.press(system.state, local.array_w, wrenches)
-        sum_to_owners(vector)
-        on_dofs = vector.array.copy()
-        vector.destroy()
+        local, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
+        stored = contact.forces.press(system.state, local, wrenches)
         pressure = contact.forces.split_traction(system.state)[0]
         pressing = np.where(pressure > contact.forces.round_off(), pressure, 0.0)
-        return cls(on_dofs, wrenches, stored, float((pressing * contact.surface.area).sum()))
+        return cls(_summed(system, local), wrenches, stored, float((pressing * contact.surface.area).sum()))
 
     def scaled(self, share: float) -> "_Pressing":
         """What penalties give way by a share of it exert."""
@@ -253,15 +248,11 @@ class EnergyBalance:
 
     def _forces(self) -> _Forces:
         system, state = self._system, self._system.state
-        vector, ignored = system.new_vector(), np.zeros_like(system.tool_residual)
-        forces = np.zeros((len(self._loads) + 1, len(vector.array)))
+        forces = np.zeros((len(self._loads) + 1, system.vector.getLocalSize()))
         for term, mine in zip(self._loads, forces, strict=False):
-            with vector.localForm() as local:
-                local.set(0.0)
-                term.add_residual(state, local.array_w, ignored)
-            sum_to_owners(vector)
-            mine[:] = -vector.array
-        vector.destroy()
+            local = np.zeros_like(state.u.x.array)
+            term.add_residual(state, local, np.zeros_like(system.tool_residual))
+            mine[:] = -_summed(system, local)
         # what tools hold is their work
         system.supports.put_forces(forces[-1], np.where(system.supports.tied, 0.0, system.reactions))
         loads = system.tools.forces(state.t)  # all that acts on free components, springs that let go apart
@@ -281,17 +272,13 @@ class EnergyBalance:
     def _swelling(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Ratios that are one number, the rates of this rank's energy with them, and those of fields at owned nodes."""
         numbers, fields = self._system.terms[0].swelling()
-        vector, ratios, rates = self._system.new_vector(), [], []
-        nodes = len(vector.array) // 3
-        for at_nodes, on_nodes in fields:
-            with vector.localForm() as local:
-                local.set(0.0)
-                local.array_w[::3] = on_nodes
-            sum_to_owners(vector)
-            ratios.append(at_nodes[:nodes])
-            rates.append(vector.array[::3].copy())
-        vector.destroy()
-        return *numbers, np.array(ratios).reshape(len(fields), nodes), np.array(rates).reshape(len(fields), nodes)
+        nodes = self._system.vector.getLocalSize() // 3
+        ratios, rates = np.zeros((2, len(fields), nodes))
+        for k, (at_nodes, on_nodes) in enumerate(fields):
+            local = np.zeros((len(on_nodes), 3))
+            local[:, 0] = on_nodes
+            ratios[k], rates[k] = at_nodes[:nodes], _summed(self._system, local.ravel())[::3]
+        return *numbers, ratios, rates
 
     # -- over the end of a run -----------------------------------------------------------------------------------------
     @property
@@ -361,3 +348,11 @@ class EnergyBalance:
         )
         self._before, self._of_pairs = (before, np.array(numbers["left"])), np.array(numbers["pairs"])
         self.now, self._resumed = replace(self.now, drawn=drawn), False
+
+
+def _summed(system: System, local: Floats) -> Floats:
+    """At the owned dofs the sums of what ranks have in a local array. Collective."""
+    vector = system.border_vector(local)
+    sums = vector.array.copy()
+    vector.destroy()
+    return sums

@@ -12,6 +12,7 @@ from fenics_contact.assembly.finding import CRUSHING, INVERTED, Finding, Foremos
 from fenics_contact.assembly.section import Section
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body, NamedCells
+from fenics_contact.solid.elements import quadrature_degree
 from fenics_contact.types import Floats, Function
 
 NEAR = 1e-6  # of a cell: how far from its corners J is asked there, for on the axis the strain around it is 0 / 0
@@ -24,7 +25,7 @@ class VolumeRatio:
         self, mesh: NamedCells, bodies: Sequence[Body], degree: int, u: Function, section: Section | None = None
     ) -> None:
         cell = getattr(basix.CellType, compat.cell_name(mesh.domain))
-        points, _ = basix.make_quadrature(cell, 2 * degree + 1)
+        points, _ = basix.make_quadrature(cell, quadrature_degree(degree))
         self._mesh, self._bodies, self._turns = mesh, bodies, section is not None and section.axisymmetric
         corners = basix.geometry(cell)
         near = (1.0 - NEAR) * corners + NEAR * corners.mean(axis=0)
