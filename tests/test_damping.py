@@ -115,6 +115,39 @@ def past_the_end(way=-6.0):
     return scene, {ball: (0, 0, way)}
 
 
+def door_seal():
+    """A hollow seal with a glued foot, and a door that comes down on it by 7, more than it bears upright."""
+
+    def draw():
+        occ, mesh = gmsh.model.occ, gmsh.model.mesh
+        foot, tube, hole = (
+            occ.addRectangle(-6, -2, 0, 12, 2.5), *(occ.addDisk(0, 5.5, 0, r, r) for r in (6.0, 4.8)),
+        )  # fmt: skip
+        whole, _ = occ.fuse([(2, tube)], [(2, foot)])
+        seal, _ = occ.cut(whole, [(2, hole)])
+        line = occ.addLine(occ.addPoint(-7, 5.5, 0), occ.addPoint(7, 5.5, 0))
+        parts, _ = occ.fragment(seal, [(1, line)])
+        occ.synchronize()
+        faces = [(dim, tag) for dim, tag in parts if dim == 2]
+        groups: dict[str, list[int]] = {"foot": [], "skin": [], "inside": []}
+        for _, curve in gmsh.model.getBoundary(faces, combined=True, oriented=False):
+            low, high = gmsh.model.getParametrizationBounds(1, curve)
+            x, y, _ = gmsh.model.getValue(1, curve, [0.5 * (low[0] + high[0])])
+            inside = np.hypot(x, y - 5.5) < 4.9 and y > 0.0
+            groups["foot" if y < -1.99 else "inside" if inside else "skin"].append(curve)
+        for dim, tags, name in (2, [tag for _, tag in faces], "seal"), *((1, tags, name) for name, tags in groups.items()):
+            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
+        for option, value in ("MeshSizeMin", 0.8), ("MeshSizeMax", 0.8), ("RecombineAll", 1), ("SubdivisionAlgorithm", 1):
+            gmsh.option.setNumber(f"Mesh.{option}", value)
+        mesh.generate(2)
+
+    scene = Scene(Body(read_gmsh(draw), "seal", neo_hooke(0.5, 5.0)), plane="strain", element="mixed")
+    scene.fix("foot")
+    door = rigid_plane((0, 12.0, 0), (0, -1, 0), name="door")
+    scene.contact("skin", door, friction=0.05, name="door")
+    return scene, {door: (0, -7.0, 0)}
+
+
 def test_a_snap_is_told_with_springs_that_nothing_needs():
     """Its supports hold the arch: the springs' many solves are no reason to look at none of its steps."""
     result = solve(arch(), steps=10, method=Method(stabilise=True)).require()
@@ -256,6 +289,64 @@ def test_a_snap_within_a_step_is_said():
     assert "damping=True" in note and 0.1169 - 1 / 64 < float(note.split("near t = ")[1].split()[0]) < 0.1169
     moderate = solve(loaded_dome(), steps=[0.05, 0.1]).require()
     assert [note for note in moderate.verdict.notes if "steps= go to t = 0.1" not in note] == []
+
+
+def beyond():
+    """The system of a dome at rest, put into balance at t = 0.1 of its load beyond its snap, which steps do not lead to."""
+    system = loaded_dome().system()
+    newton = Newton(LinearSolver(system))
+    newton.step(system, 1.0)
+    newton.settle(system, 0.1)
+    return system
+
+
+def test_a_snap_is_told_where_steps_under_the_penalties_before_end_elsewhere():
+    """Penalties were raised: not where a step to this t would end is looked at, but the state that the run has come to."""
+    system = beyond()
+    inverted = system.state.u.x.array.copy()
+    told = snapped(system, 0.1, raised=True)
+    Newton(LinearSolver(system)).step(system, 0.1)
+    gone = max(COMM.allgather(np.abs(inverted - system.state.u.x.array).max()))
+    assert told is not None and "it has passed through a snap" in told
+    assert float(told.split("jumped by ")[1].split(",")[0]) == pytest.approx(gone, rel=1e-2)  # a sixty-fourth of the step
+
+
+@pytest.mark.parametrize("raised", [False, True])
+def test_a_snap_that_no_shorter_step_follows_is_told_as_one_that_may_be(raised, monkeypatch):
+    """Where all halves fail the path's rate tells: it leads to where an even path ends, and not beyond the snap."""
+
+    def fails(self, system, t):
+        raise StepFailed("no balance")
+
+    system, even = beyond(), loaded_dome().system()
+    Newton(LinearSolver(even)).step(even, 0.03)
+    monkeypatch.setattr(Newton, "step", fails)
+    told = snapped(system, 0.1, raised)
+    assert told is not None and "it may have passed through a snap: no shorter step past t = 0 finds a state" in told
+    assert "body 'dome' at (" in told and "solve(..., method=Method(damping=True))" in told
+    assert snapped(even, 0.03, raised) is None
+
+
+def test_a_snap_is_told_as_one_that_may_be_where_old_penalties_hold_no_balance(monkeypatch):
+    system = beyond()
+
+    def fails(self, system, t):
+        raise StepFailed("no balance")
+
+    monkeypatch.setattr(Newton, "settle", fails)
+    told = snapped(system, 0.1, raised=True)
+    assert told is not None and "it may have passed through a snap" in told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [12, 20, 24, 30])
+def test_no_steps_tip_a_hollow_seal_over_without_a_word(steps):
+    """Its crown jumps aside, by 5 ... 7 with the door's way of less than 0.6, in one step or some parts of it."""
+    scene, move = door_seal()
+    crown = {"x": lambda view: view.at((0, 11.5, 0)).displacement[0]}
+    result = solve(scene, move=move, steps=steps, record=crown).require()
+    jump = int(np.abs(np.diff(result.column("x"))).argmax()) + 2
+    assert any(note.startswith(f"step {jump} ") and "passed through a snap" in note for note in result.verdict.notes)
 
 
 def test_no_arc_length_is_named_where_springs_are_asked_for():

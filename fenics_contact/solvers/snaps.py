@@ -7,11 +7,13 @@ import numpy as np
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
+from fenics_contact.solvers.arc_length import ArcLength
 from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.motions import Motion
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import Stepper, StepReport
-from fenics_contact.solvers.softness import AHEAD, arcs, damping, fold_ahead, load_change
+from fenics_contact.solvers.softness import AHEAD, arcs, damping, fold_ahead, load_change, where
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats
 
@@ -21,6 +23,8 @@ HALVINGS = 6  # of the step, to see whether it is the path or the step that goes
 # that one halving tells where this is above a half
 MOST = 0.51
 LEAP = 10.0  # times the way that the last one foresees: with no state in between to be found, no path goes so far
+SNAP, MAYBE = "it has passed through a snap", "it may have passed through a snap"  # what a step is said to have done
+DRIVEN = "loads or drives jump"
 
 Place = tuple[Floats, Floats]  # displacement (local array) and tools' coordinates (tools, 6) [length]
 Reached = tuple[float, Place]  # t, and the state in balance there
@@ -53,11 +57,12 @@ def _supported(system: System) -> bool:
 
 
 def snapped(system: System, goal: float, raised: bool) -> str | None:
-    """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it, or None; raised: penalties
-    were on the way there. Collective.
+    """Words on a jump that the state in balance at t = goal, not yet accepted, has behind it or may have, or None; raised:
+    penalties were on the way there. Collective.
 
     Halves of the step, of that half and so on, each from the last accepted state, close in on the jump; where some of them
-    are not solved the path before must lead nowhere near the state beyond. The system is left at the accepted state.
+    are not solved it is one if the path before leads nowhere near the state beyond, and may be if it leads elsewhere. The
+    system is left at the accepted state.
     """
     with system.grounding.away() if system.grounding and _supported(system) else nullcontext():
         return _snapped(system, goal, raised)
@@ -67,15 +72,13 @@ def _snapped(system: System, goal: float, raised: bool) -> str | None:
     """The same with the springs that are in. Collective."""
     newton = Newton(LinearSolver(system))
     stepper = Augmented(newton) if system.augmented else newton  # under old multipliers penalties give way by as much
-    if raised:  # what greater penalties push apart is no part of the path: where the step ends under those there were
-        system.trail.rollback()
-        try:
-            stepper.step(system, goal)
-        except StepFailed:
-            return None
     reached = [(t, _place(system, u, q)) for u, q, t in system.trail.accepted]
     before, low = reached[-2] if len(reached) > 1 else None, reached[-1]
     high, blocked = (goal, _place(system)), None  # blocked: the first t found that no step reaches
+    if raised:
+        if not _under_old_penalties(system, stepper, goal):
+            return _told(system, low, high, MAYBE)
+        high = goal, _place(system)
     total = _distance(system, low[1], high[1])
     for _ in range(HALVINGS):
         if _distance(system, low[1], high[1]) <= MOST * total:
@@ -92,24 +95,47 @@ def _snapped(system: System, goal: float, raised: bool) -> str | None:
             before, low = low, here
         else:
             high, blocked = here, None
-    jumped = _distance(system, low[1], high[1]) > MOST * total
-    if jumped and blocked:
-        jumped = before is not None and (_leaps(system, before, low, high) or _folds(system, stepper, before, low, blocked))
+    found = SNAP if _distance(system, low[1], high[1]) > MOST * total else ""
+    if found and blocked:
+        found = _judged(system, stepper, before, low, high, blocked)
     system.trail.rollback()
-    if not jumped:
-        return None
-    largest = max(system.comm.allgather(max(np.abs(b - a).max(initial=0.0) for a, b in zip(low[1], high[1], strict=True))))
-    if _drives_jump(system, (low[0], blocked or high[0]), (system.trail.last.t, goal)):
-        return (
-            f"loads or drives jump near t = {low[0]:.6g}, and the state with them by {largest:.3g}: where it could come to "
-            "rest in several places it is Newton's choice; let them change over a time of some steps"
-        )
-    # damping acts where a step fails, and this one has not
-    shorter = f"take shorter steps; where one fails, {(*damping(system), 'damping carries it on')[0]}"
-    return (
-        f"it has passed through a snap: near t = {low[0]:.6g} the state jumped by {largest:.3g}; where it came to rest is "
-        f"Newton's choice: {', or '.join([*arcs(system), shorter])}"
-    )
+    if found and _drives_jump(system, (low[0], blocked or high[0]), (system.trail.last.t, goal)):
+        found = DRIVEN
+    return _told(system, low, high, found) if found else None
+
+
+def _under_old_penalties(system: System, stepper: Stepper, goal: float) -> bool:
+    """Whether the state in balance at t = goal has one beside it under the penalties that there were, in which the system is
+    then: what greater ones push apart is no part of the path. A step there may end elsewhere. Collective."""
+    u, q = system.state.u.x.array.copy(), system.state.q.copy()
+    system.trail.rollback()
+    system.state.u.x.array[:], system.state.q[:] = u, q
+    try:
+        stepper.settle(system, goal)
+    except StepFailed:
+        system.trail.rollback()
+        return False
+    return True
+
+
+def _judged(
+    system: System, stepper: Stepper, before: Reached | None, low: Reached, high: Reached, blocked: float
+) -> str:  # fmt: skip
+    """Whether what lies between the state `low` of the path and `high`, where no step reaches t = blocked, is a snap, or may
+    be one: "" where the path goes on to there. Collective."""
+    if before is not None and _leaps(system, before, low, high):
+        return SNAP
+    system.trail.rollback()
+    if low[0] > system.trail.last.t:
+        try:
+            stepper.step(system, low[0])
+        except StepFailed:
+            return MAYBE
+    if before is not None:
+        ahead = fold_ahead(system, [Accepted(*place, t) for t, place in (before, low)])
+        if ahead <= AHEAD * (blocked - low[0]):
+            return SNAP
+    return MAYBE if _strays(system, low, high) else ""
 
 
 def _leaps(system: System, before: Reached, low: Reached, high: Reached) -> bool:
@@ -118,15 +144,37 @@ def _leaps(system: System, before: Reached, low: Reached, high: Reached) -> bool
     return 0.0 < LEAP * on < _distance(system, low[1], high[1])
 
 
-def _folds(system: System, stepper: Stepper, before: Reached, low: Reached, blocked: float) -> bool:
-    """Whether the path folds back between its state `low` and t = blocked, which no step reaches. Collective."""
-    system.trail.rollback()
-    if low[0] > system.trail.last.t:
-        try:
-            stepper.step(system, low[0])
-        except StepFailed:
-            return False
-    return fold_ahead(system, [Accepted(*place, t) for t, place in (before, low)]) <= AHEAD * (blocked - low[0])
+def _strays(system: System, low: Reached, high: Reached) -> bool:
+    """Whether the path's rate at its state `low`, in which the system is, leads past the state `high` by as much as makes a
+    step wander. Collective."""
+    try:
+        rate = ArcLength(LinearSolver(system, "direct", afresh=True)).start(system)
+    except StepFailed:
+        return True
+    rate = rate.times((high[0] - low[0]) / rate.dt)
+    foreseen = low[1][0] + rate.du.array_r, low[1][1] + rate.dq
+    return _distance(system, high[1], foreseen) > (1.0 - MOST) * _distance(system, high[1], low[1])
+
+
+def _told(system: System, low: Reached, high: Reached, found: str) -> str:
+    """Words on what was found between two states. Collective."""
+    du = system.new_vector()
+    du.array[:], dq = high[1][0] - low[1][0], high[1][1] - low[1][1]
+    far = max(system.comm.allgather(max(np.abs(way).max(initial=0.0) for way in (du.array_r, dq))))
+    if found == DRIVEN:
+        return (
+            f"{DRIVEN} near t = {low[0]:.6g}, and the state with them by {far:.3g}: where it could come to "
+            "rest in several places it is Newton's choice; let them change over a time of some steps"
+        )
+    name, place, most = where(system, Motion(du, dq))
+    ways = np.linalg.norm(dq, axis=1)
+    what = f"body '{name}' at {place}" if most >= ways.max(initial=0.0) else f"tool '{system.tools.names[ways.argmax()]}'"
+    jumped = f"near t = {low[0]:.6g} the state jumped by {far:.3g}, {what} farthest"
+    if found == MAYBE:
+        jumped = f"no shorter step past t = {low[0]:.6g} finds a state on the way to its end, {far:.3g} on, {what} farthest"
+    # damping acts where a step fails, and this one has not
+    shorter = f"take shorter steps; where one fails, {(*damping(system), 'damping carries it on')[0]}"
+    return f"{found}: {jumped}; where it came to rest is Newton's choice: {', or '.join([*arcs(system), shorter])}"
 
 
 def _drives_jump(system: System, within: tuple[float, float], step: tuple[float, float]) -> bool:

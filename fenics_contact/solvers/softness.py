@@ -86,7 +86,7 @@ def slides_over(system: System, tool: int) -> bool:
     limit point they give way with it. Collective."""
     with system.grounding.away() if system.grounding else nullcontext():
         soft = _soft(system)
-    return soft is not None and bool(_where(system, soft[0])[2] < TAKEN * np.linalg.norm(soft[0].dq[tool]))
+    return soft is not None and bool(where(system, soft[0])[2] < TAKEN * np.linalg.norm(soft[0].dq[tool]))
 
 
 def _soft(system: System, trials: Trials | None = None) -> tuple[Motion, float, float] | None:
@@ -125,7 +125,7 @@ def _sinking(system: System, now: float) -> Finding | None:
 def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | None:
     """A finding if a part that is not joined to the rest moves freely, or a body that contact alone holds topples."""
     if _moves_freely(system, mode, now, alone):
-        name, place, _ = _where(system, mode)
+        name, place, _ = where(system, mode)
         text = f"a part around {place} moves without resistance: it is not joined to the rest of its body"
         remedy = "join it to the rest (fragment in the gmsh script), fix a surface of it, or close its gap to what holds it"
         remedy += "" if system.stabilised else ", also by solve(..., method=Method(stabilise=True))"
@@ -231,7 +231,7 @@ def _left_free(system: System, vectors: list[Vec]) -> Floats:
     return np.asarray(axes[:, sizes <= (STILL * largest) ** 2])
 
 
-def _where(system: System, mode: Motion) -> tuple[str, str, float]:
+def where(system: System, mode: Motion) -> tuple[str, str, float]:
     """Body and reference position of the node that moves most in a motion, and how far [of its size]. Collective."""
     found = system.longest(mode.du.array_r)
     if found is None:
@@ -254,7 +254,7 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     gone = goal is not None and now <= -FOLDED * unloaded  # arcs go along behind folds
     if not gone and (now >= FOLDED * unloaded or step > NEAR):
         return None
-    name, place, largest = _where(system, mode)
+    name, place, largest = where(system, mode)
     going = np.linalg.norm(mode.dq, axis=1) > TAKEN * largest
     tools, instead = [f"tool '{system.tools.names[i]}'" for i in np.flatnonzero(going)], moved_instead(system, going)
     if gone:
