@@ -29,7 +29,7 @@ from fenics_contact import (
     run,
     solve,
 )
-from fenics_contact.assembly.finding import CYCLING
+from fenics_contact.assembly.finding import CYCLING, LIMIT_POINT
 from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.meshes import box, dome, rectangles, ring_sector, tool_surfaces
@@ -338,6 +338,25 @@ def test_a_snap_is_told_as_one_that_may_be_where_old_penalties_hold_no_balance(m
     assert told is not None and "it may have passed through a snap" in told
 
 
+def test_damped_motion_ends_no_farther_on_than_it_may_go():
+    """What it comes to is in balance without damping too, and there Newton's method must not lead it through a snap."""
+    inverted = beyond().state.u.x.array.copy()
+    system = build(loaded_dome(), damping=True).system
+    newton = Newton(LinearSolver(system))
+
+    def through(system, t):
+        system.state.u.x.array[:] = inverted
+        return newton.settle(system, t)
+
+    over = SimpleNamespace(settle=through)
+    with pytest.raises(StepFailed, match="did not come to rest"):
+        jump(system, 0.1, over, farthest=10.0)
+    assert not system.state.u.x.array.any() and system.state.t == 0.0
+    assert jump(system, 0.1, newton, farthest=10.0).way < 10.0
+    system.trail.rollback()
+    assert jump(system, 0.1, over).way > 10.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("steps", [12, 20, 24, 30])
 def test_no_steps_tip_a_hollow_seal_over_without_a_word(steps):
@@ -347,6 +366,14 @@ def test_no_steps_tip_a_hollow_seal_over_without_a_word(steps):
     result = solve(scene, move=move, steps=steps, record=crown).require()
     jump = int(np.abs(np.diff(result.column("x"))).argmax()) + 2
     assert any(note.startswith(f"step {jump} ") and "passed through a snap" in note for note in result.verdict.notes)
+
+
+@pytest.mark.slow
+def test_a_seal_that_damping_is_not_asked_for_does_not_tip_over_in_its_name():
+    """A node's statuses repeat in front of the limit point: what jumps to where it sticks goes by less than a cell."""
+    scene, move = door_seal()
+    failed = solve(scene, move=move, steps=36)
+    assert failed.verdict.kind == LIMIT_POINT and "Method(damping=True)" in failed.verdict.remedy, failed.verdict.reason
 
 
 def test_no_arc_length_is_named_where_springs_are_asked_for():

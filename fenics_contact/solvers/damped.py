@@ -54,9 +54,10 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
         report.add(moved)
         system.trail.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY * (1 + moved.raises) else share
+        last = _at_rest(system, stepper, goal) if resting else None
         if system.way_from(origin, q) > farthest:
-            break
-        if resting and (last := _at_rest(system, stepper, goal)):
+            break  # or Newton's method has led what came to rest through a snap
+        if last:
             report.add(last)
             _conclude(system, report, system.way_from(origin, q), scale)
             return report
