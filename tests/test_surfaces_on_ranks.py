@@ -1,5 +1,6 @@
 """Contact surfaces that some ranks know nothing of, and bodies that a step carries through each other."""
 
+import numpy as np
 import pytest
 
 from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
@@ -42,6 +43,20 @@ def test_surfaces_of_one_facet(points):
     assert result.converged
     # the penalty's 1.3e-4 mm of 2 mm, over the stretch 0.9: 1e-4 of the force
     assert abs(result.history[-1]["c_force_z_N"] / SQUEEZED - 1.0) < 2e-4
+
+
+@pytest.mark.parallel
+def test_lines_and_widths_of_a_face_of_one_facet(tmp_path):
+    """Ranks without a facet have no points on the line, and take part."""
+    scene = stack((1, 1, 1), (1, 1, 1))
+    scene.prescribe("upper_top", "z", -2.0)
+    scene.contact("upper_bottom", "lower_top", penalty=1000.0, name="c")
+    result = solve(scene, steps=1).require()
+    line, side = result.line("c", "x", {"y": 5.0}), 20.0 + result.system.state.u.x.array.max(initial=0.0)
+    side = max(scene.mesh.comm.allgather(side))  # of a face that is squeezed evenly
+    assert np.abs(line["pressure_MPa"] - result.history[-1]["c_load_N"] / side**2).max() < 1e-6 * line["pressure_MPa"].max()
+    assert np.abs(result.widths("c", "x", {"y": 5.0}) - [0.0, side]).max() < 1e-9
+    result.plot_line("c", "x", tmp_path / "line.png", cut={"y": 5.0})
 
 
 @pytest.mark.parallel

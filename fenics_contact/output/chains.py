@@ -28,7 +28,7 @@ def cut_facets(keys: Ints64, away: Floats) -> Cut:
     after, beyond = np.roll(keys, -1, axis=1), np.roll(away, -1, axis=1)
     flat = (away == 0.0).all(axis=1)
     # around a facet: corner, edge behind it, next corner, ...
-    there = np.stack([away == 0.0, away * beyond < 0.0], axis=2).reshape(len(keys), -1) & ~flat[:, None]
+    there = np.stack([away == 0.0, away * beyond < 0.0], axis=2).reshape(len(keys), 2 * keys.shape[1]) & ~flat[:, None]
     ends = np.stack([np.stack([keys, keys], axis=2), np.stack([keys, after], axis=2)], axis=2).reshape(*there.shape, 2)
     whole = np.where(away * beyond < 0.0, away - beyond, 1.0)
     share = np.stack([np.zeros_like(away), away / whole], axis=2).reshape(there.shape)
