@@ -323,7 +323,7 @@ def source_vertices(mesh: Mesh) -> Ints64:
     """Number in the gmsh model's order of every local vertex, ghosts included."""
     mesh.topology.create_connectivity(mesh.topology.dim, 0)
     vertices = mesh.topology.connectivity(mesh.topology.dim, 0)
-    vertices = vertices.array.reshape(vertices.num_nodes, -1)
+    vertices = vertices.array.reshape(-1, len(basix.geometry(getattr(basix.CellType, cell_name(mesh)))))
     out = np.full(mesh.topology.index_map(0).size_local + mesh.topology.index_map(0).num_ghosts, -1, dtype=np.int64)
     out[vertices] = np.asarray(mesh.geometry.input_global_indices)[geometry_dofmap(mesh)[:, : vertices.shape[1]]]
     return out

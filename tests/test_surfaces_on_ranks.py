@@ -1,10 +1,11 @@
 """Contact surfaces that some ranks know nothing of, and bodies that a step carries through each other."""
 
+import gmsh
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
-from fenics_contact.meshes import two_blocks
+from fenics_contact import Body, Output, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
+from fenics_contact.meshes import box, two_blocks
 
 SQUEEZED = 0.1288051 * 400  # N: classical Mooney-Rivlin, uniaxial stretch 0.9, nominal stress [MPa] times area [mm^2]
 
@@ -68,6 +69,28 @@ def test_tool_on_a_face_of_one_facet():
     result = solve(scene, move={tool: (0, 0, -2.0)}, steps=2)
     assert result.converged
     assert abs(result.history[-1]["top_force_z_N"] / -SQUEEZED - 1.0) < 3e-4  # two interfaces yield
+
+
+@pytest.mark.parallel
+def test_one_cell_of_degree_2(tmp_path):
+    """A rank without cells has no nodes either, and writes and draws all the same; the bottom is held at an edge, too."""
+
+    def cube():
+        box.build(size=(1.0, 1.0, 1.0), cells=(1, 1, 1))
+        lines = [tag for _, tag in gmsh.model.getEntities(1) if gmsh.model.getBoundingBox(1, tag)[3] < 0.5]
+        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, lines), "edges")
+
+    mesh = read_gmsh(cube)
+    assert mesh.comm.size == 1 or 0 in mesh.comm.allgather(mesh.domain.topology.index_map(3).size_local)
+    scene = Scene(Body(mesh, "box", mooney_rivlin(a1=0.1863, a2=0.0098, K=5.0)), degree=2)
+    scene.fix("zmin", "z")
+    scene.fix("ymin", "y")
+    scene.fix("edges", "x")  # those of the face xmin
+    lid = rigid_plane(point=(0, 0, 1), normal=(0, 0, -1), name="lid")
+    scene.contact("zmax", lid, penalty=1000.0, name="top")
+    result = solve(scene, move={lid: (0, 0, -0.1)}, steps=2, out=Output(tmp_path, overwrite=True, progress=False)).require()
+    assert abs(result.history[-1]["top_force_z_N"] * 400 / -SQUEEZED - 1.0) < 2e-3  # the penalty's share of the way
+    result.plot("contact_pressure", tmp_path / "pressure.png")
 
 
 @pytest.mark.parallel

@@ -163,7 +163,7 @@ def deepest_start(system: System, contact: ContactTerm, least: float) -> tuple[f
     point, cell = _within(x, places, cells, system.space.mesh.topology.dim, _nearby(x, places, cells))
     here = np.zeros((len(x), len(system.bodies)), dtype=bool)
     here[point, body[cells[cell, 0]]] = True
-    there = np.any(system.comm.allgather(here), axis=0).reshape(len(ON_THE_WAY), len(depth), -1)
+    there = np.any(system.comm.allgather(here), axis=0).reshape(len(ON_THE_WAY), len(depth), len(system.bodies))
     inside = there.all(axis=0).any(axis=1)
     met = ~inside & (depth <= contact.places.search)
     return float(depth[inside].max(initial=0.0)), float(depth[met].max(initial=0.0))

@@ -189,8 +189,9 @@ def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Mapping[str, Fl
     that turn one by more than WIDE; else 0. tools: by name the angles (3,) with which each begins [rad]."""
     left = np.abs(np.diff([0.0, *(row[f"energy_error_{energy_unit(units)}"] for row in rows)]))
     names = [[f"{plain_name(tool)}_angle_{axis}_rad" for axis in "xyz"] for tool in tools]
-    angles = np.array([[[row.get(name, 0.0) for name in of] for of in names] for row in rows]).reshape(len(rows), -1, 3)
-    first = np.array([tools[tool] for tool in tools], dtype=float).reshape(1, -1, 3)
+    angles = np.array([[[row.get(name, 0.0) for name in of] for of in names] for row in rows])
+    angles = angles.reshape(len(rows), len(names), 3)
+    first = np.array([tools[tool] for tool in tools], dtype=float).reshape(1, len(names), 3)
     turns = np.linalg.norm(np.diff(angles, axis=0, prepend=first), axis=2).max(axis=1, initial=0.0)
     return float(turns.max(initial=0.0)) if left[turns > WIDE].sum() > MOST * left.sum() else 0.0
 

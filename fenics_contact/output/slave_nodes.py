@@ -175,7 +175,7 @@ class SlaveNodes:
         dofs, many = compat.cell_dofs(space)[self.skin.cells], table.shape[1]
         known = np.column_stack([np.ones(len(at.on)), *(getattr(at, name) for name in MEANS), at.friction])
         rank, sums = RANK_OF_STATUS[at.status], compat.node_values(space, known.shape[1] + 1)
-        rows = sums.array.reshape(len(known), -1)
+        rows = sums.array.reshape(len(known), known.shape[1] + 1)
         for nodes, weights in zip(dofs.T[many:], table[many:], strict=True):
             mine = np.isin(nodes, self.skin.nodes)
             corners = dofs[mine, :many][:, weights > ROUNDED]
