@@ -542,6 +542,30 @@ def test_a_resumed_run_goes_on_with_its_energies(tmp_path):
 
 
 # -- where a contact presses ------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("solid", [False, True])
+def test_width_at_degree_2_ends_midway_between_nodes_that_have_pressures(solid):
+    """Those in the middle of sides, too: told by corners alone it ended up to half a side too early."""
+    if solid:
+        mesh = read_gmsh(box.build, size=(8.0, 1.0, 2.0), cells=(9, 1, 2))
+        scene = Scene(Body(mesh, "box", RUBBER), degree=2)
+        scene.fix("ymin", "y")
+        scene.fix("ymax", "y")
+        top, roll = "zmax", rigid_cylinder(6.0, (4.0, 0.0, 8.0), (0, 1, 0), name="roll")
+    else:
+        mesh = read_gmsh(rectangles.build, rectangles={"b": ((0, 0), (8, 2), (9, 2))})
+        scene = Scene(Body(mesh, "b", RUBBER), degree=2, plane="strain")
+        top, roll = "b_ymax", rigid_cylinder(6.0, (4.0, 8.0, 0.0), (0, 0, 1), name="roll")
+    scene.fix("zmin" if solid else "b_ymin")
+    scene.contact(top, roll, name="top")
+    result = solve(scene, move={roll: (0, 0, -0.1) if solid else (0, -0.1, 0)}, steps=1).require()
+    line = result.line("top", "x")
+    x, on = line["x_mm"], np.flatnonzero(line["pressure_MPa"] > 0.0)
+    first, last = on[0], on[-1]
+    assert len(x) == 19 and 3 <= len(on) < 12
+    middles = 0.5 * (x[last] + x[last + 1] - x[first] - x[first - 1])
+    np.testing.assert_allclose(result.history[-1]["top_width_x_mm"], middles, rtol=1e-9)
+
+
 @pytest.mark.parametrize("points", ["nodes", 3])
 def test_zone_of_a_flat_contact(points):
     """Pressed by a plate all over: the area is that of the wider face, the width its extents, the pressure that of a bar."""

@@ -263,7 +263,7 @@ class SlaveNodes:
         return peak, np.array(min(pair[0] for pair in found)[1] if found else np.zeros(3))
 
     def _width(self, touched: Bools, x: Floats) -> Floats:
-        starts, ends = self.skin.corners, np.roll(self.skin.corners, -1, axis=1)
+        starts, ends = self.rings, np.roll(self.rings, -1, axis=1)
         first, second = touched[starts].ravel(), touched[ends].ravel()
         rim = first != second
         middles = 0.5 * (x[starts].reshape(-1, 3)[rim] + x[ends].reshape(-1, 3)[rim])
