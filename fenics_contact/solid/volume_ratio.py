@@ -15,6 +15,9 @@ from fenics_contact.solid.body import Body, NamedCells
 from fenics_contact.solid.elements import quadrature_degree
 from fenics_contact.types import Floats, Function
 
+# Jacobian at a corner as drawn, over the cell's mean, up to which strains of a tenth, of which rubber thinks nothing, turn
+# it over: sides all but in line, as where quadrilaterals meet a circle. J is next to 0 / 0 there and tells of the drawing
+FLAT = 0.1
 NEAR = 1e-6  # of a cell: how far from its corners J is asked there, for on the axis the strain around it is 0 / 0
 
 
@@ -30,9 +33,10 @@ class VolumeRatio:
         corners = basix.geometry(cell)
         near = (1.0 - NEAR) * corners + NEAR * corners.mean(axis=0)
         J, self._inner = ufl.det(vp.deformation_gradient(u, section)), len(points)
-        # of a corner that is inside out as drawn J tells nothing: below zero it has come upright
-        J = ufl.conditional(ufl.gt(ufl.JacobianDeterminant(mesh.domain), 0.0), J, 1.0)
         self._evaluate = compat.cell_evaluator(mesh.domain, J, np.concatenate([points, near]))
+        # of a corner that is inside out as drawn J tells nothing either: below zero it has come upright
+        drawn = compat.cell_evaluator(mesh.domain, ufl.JacobianDeterminant(mesh.domain), np.concatenate([points, near]))()
+        self._flat = drawn[:, self._inner :] <= FLAT * drawn[:, : self._inner].mean(axis=1, keepdims=True)
 
     def check(self, least: float = 0.0) -> Finding | None:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
@@ -56,7 +60,7 @@ class VolumeRatio:
         out there, though it may not be in its quadrature points, of which alone the stress asks. Collective."""
         values = self._evaluate()
         smallest = self._mesh.comm.allreduce(float(values[:, : self._inner].min(initial=np.inf)), op=MPI.MIN)
-        found = self._worst(values[:, self._inner :].min(axis=1, initial=np.inf))
+        found = self._worst(np.where(self._flat, 1.0, values[:, self._inner :]).min(axis=1, initial=np.inf))
         if found is None:
             return smallest, {}
         text = (
