@@ -27,7 +27,7 @@ from fenics_contact.scene.start import Drives, Start
 from fenics_contact.solvers.audit import Audit, audit
 from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.types import Array, Floats, Function
-from fenics_contact.values import SceneError, finite
+from fenics_contact.values import SceneError, finite, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -190,6 +190,8 @@ class Result:
         columns = [y] if isinstance(y, str) else list(y)
         table = {name: self.column(name) for name in (x, *columns)}
         self._refuse_empty("plot_history()")
+        if len(table) == 1:
+            raise SceneError(f"plot_history(): y = {shown(y)} names no column but x = '{x}': nothing to draw over it")
         of = finite(factors, "plot_history: factors", (2,))
         ends = {one["name"]: one["steps"][1] - 1 for one in self.summary["stages"]}
         return self._figure(path, lambda: history_figure(table, self.scene.units, (float(of[0]), float(of[1])), ends))

@@ -203,6 +203,8 @@ def test_wrong_wishes_are_refused_on_all_ranks(punched, tmp_path):
     for path in ("a.xyz", "a"):
         refused("ending|ends in '.xyz'.*svg", lambda path=path: punched.plot(path=COMM.bcast(tmp_path) / path))
     refused("factors", lambda: punched.plot_history("t", "top_load_N", factors=(1, 2, 3)))
+    for columns in ("t", []):
+        refused("nothing to draw over it", lambda columns=columns: punched.plot_history("t", columns))
     assert not list(COMM.bcast(tmp_path).glob("a*"))
     refused("backend = 'vtk'", lambda: punched.plot(backend="vtk"))
     refused("picture.*No such file", lambda: punched.plot(path=COMM.bcast(tmp_path) / "nowhere" / "a.png"))
