@@ -18,6 +18,7 @@ from fenics_contact import (
     Penalty,
     Scene,
     SceneError,
+    Stage,
     coulomb,
     from_elastic,
     mooney_paper,
@@ -27,6 +28,7 @@ from fenics_contact import (
     rigid_cone,
     rigid_curve,
     rigid_cylinder,
+    rigid_hub,
     rigid_plane,
     rigid_punch,
     rigid_sphere,
@@ -899,3 +901,24 @@ def test_a_rectangle_without_height_is_refused_with_what_it_lacks(graded):
     drawn = {"width": 4.0, "height": 0.0} if graded else {"rectangles": {"pad": ((0.0, 0.0), (4.0, 0.0), (4, 2))}}
     with pytest.raises(SceneError, match="height"):
         read_gmsh(graded_rectangle.build if graded else rectangles.build, **drawn)
+
+
+@pytest.mark.parametrize("plane", ["strain", "axisymmetric", None])
+def test_what_sets_a_tool_free_is_named_as_the_scene_has_it(plane):
+    """Motion(force=(0, 0, 0)) on what was moved lets nothing go: the component that the refusal names does."""
+    if plane:
+        mesh, body, side = read_gmsh(rectangles.build, rectangles={"b": ((1, 0), (1, 1), (1, 1))}), "b", "b_y"
+    else:
+        mesh, body, side = read_gmsh(box.build, size=(1.0, 1.0, 1.0), cells=(1, 1, 1)), "box", "y"
+    scene, hub = Scene(Body(mesh, body, neo_hooke(1.0, 10.0)), plane=plane), rigid_hub("hub", (0, 1, 0))
+    scene.fix(f"{side}min")
+    scene.tie(f"{side}max", hub)
+    stages = [
+        Stage("press", move={hub: (0, -0.1, 0)}, steps=1),
+        Stage("let go", move={hub: Motion(force=(0, 0, 0))}, steps=1),
+    ]
+    with pytest.raises(SceneError, match='free="y"'):
+        solve(scene, stages=stages)
+    stages[1] = Stage("let go", move={hub: Motion(free="y")}, steps=1)
+    result = solve(scene, stages=stages).require()
+    assert result.column("hub_travel_y_mm") == pytest.approx([-0.1, 0.0], abs=1e-6)

@@ -1060,7 +1060,7 @@ WRONG = {
     ),
     "no force on what is held": (
         lambda b: [Stage("a", move={b: (0, 0, -0.6)}), Stage("b", move={b: Motion(force=(0, 0, 0))})],
-        "stage 'b': motion of 'ball' has no force or moment in any direction", 'free="z"',
+        "stage 'b': motion of 'ball' has no force or moment in any direction", 'free="y"',
     ),
     "a turn taken back under another one": (
         lambda b: [Stage("a", move={b: Motion(z=-0.6, moment=(0, 0, 1.0))}),

@@ -86,7 +86,7 @@ def driven(comm: MPI.Comm, what: str, motion: Motion, before: Bools) -> Driven:
     if said.any() and numbers and not (free.any() or any(moved)):
         raise SceneError(
             f"{what} has no force or moment in any direction, nor does it move or free anything: name what it does, as in "
-            'force=(0, 0, -1.0), z=-0.1 or free="z"'
+            'force=(0, -1.0, 0), y=-0.1 or free="y"'  # which scenes in space, in the plane and of revolution have
         )
     force, moment = only_free(force, free[:3], f"{what}: force"), only_free(moment, free[3:], f"{what}: moment")
     _refuse(what, [key for key, way in zip(COMPONENTS, moved, strict=True) if way], pushed, free, kept)
