@@ -35,8 +35,8 @@ class Sample:
 class View:
     """A run at the step just accepted, for functions of `record=`, which all ranks call alike.
 
-    u: displacement Function; t; travel (tools, 3) [length] and angles (tools, 3) [radians] of the tools; energies:
-    Energies.
+    u: displacement Function; t; travel (tools, 3) [length] and angles (tools, 3) [radians] of the tools, in the order of
+    `scene.tools`; energies: Energies.
     """
 
     def __init__(self, scene: Scene, system: System) -> None:
