@@ -541,6 +541,15 @@ def test_a_resumed_run_goes_on_with_its_energies(tmp_path):
     np.testing.assert_allclose([resumed[n] for n in names], [whole[n] for n in names], rtol=1e-8, atol=1e-10)
 
 
+def test_energy_of_a_run_in_which_nothing_touches_is_empty():
+    """There is no work to be a share of, as documented."""
+    scene = cube()
+    scene.fix("zmin")
+    scene.contact("zmax", plate := rigid_plane((0, 0, 3), (0, 0, -1), name="plate"), name="lid")
+    result = solve(scene, move={plate: (0, 0, -0.5)}, steps=1)
+    assert result.history and result.summary["energy"] == {}
+
+
 # -- where a contact presses ------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("solid", [False, True])
 def test_width_at_degree_2_ends_midway_between_nodes_that_have_pressures(solid):
