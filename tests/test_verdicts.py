@@ -658,6 +658,45 @@ def test_what_slides_along_a_tool_is_not_pushed_beyond_balance():
     assert "a greater push has no balance" in pushed.reason and "raise friction=" in pushed.remedy
 
 
+def draw_rollers(around, across):
+    """Two rings of radii 6 and 10, and 9 and 15, one on the other, of quadrilaterals; groups {name}_in and {name}_out."""
+    geo = gmsh.model.geo
+    for name, y, radii in (("low", -10.005, (6.0, 10.0)), ("up", 15.005, (9.0, 15.0))):
+        ways = [(1, 0), (0, 1), (-1, 0), (0, -1)]
+        middle = geo.addPoint(0, y, 0)
+        points = [[geo.addPoint(R * cos, y + R * sin, 0) for cos, sin in ways] for R in radii]
+        arcs = [[geo.addCircleArc(ring[i], middle, ring[(i + 1) % 4]) for i in range(4)] for ring in points]
+        spokes = [geo.addLine(*ends) for ends in zip(*points, strict=True)]
+        loops = [[spokes[i], arcs[1][i], -spokes[(i + 1) % 4], -arcs[0][i]] for i in range(4)]
+        faces = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
+        for curves, cells in ((arcs[0] + arcs[1], around), (spokes, across)):
+            for curve in curves:
+                geo.mesh.setTransfiniteCurve(curve, cells + 1)
+        for face in faces:
+            geo.mesh.setTransfiniteSurface(face)
+            geo.mesh.setRecombine(2, face)
+        geo.synchronize()
+        for dim, tags, group in ((2, faces, name), (1, arcs[0], f"{name}_in"), (1, arcs[1], f"{name}_out")):
+            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), group)
+    gmsh.model.mesh.generate(2)
+
+
+@pytest.mark.parallel
+def test_a_body_on_a_hub_that_stands_is_not_said_to_be_held_by_friction_alone():
+    """The lower roller is soft beside endless friction, and held: what slides is the upper one with its hub, which a moment
+    turns."""
+    mesh = read_gmsh(draw_rollers, around=8, across=1)
+    scene = Scene(Body(mesh, "low", neo_hooke(1.0, 10.0)), Body(mesh, "up", neo_hooke(2.0, 20.0)), plane="strain")
+    low, up = rigid_hub("A", (0, -10.005, 0)), rigid_hub("B", (0, 15.005, 0))
+    scene.tie("low_in", low)
+    scene.tie("up_in", up)
+    scene.contact("low_out", "up_out", 0.3, name="nip")
+    turned = Stage("turn", move={low: Motion(rz=0.0), up: Motion(moment=(0, 0, 40.0))}, steps=2)
+    pressed = Stage("press", move={up: (0, -0.8, 0)}, steps=2)
+    verdict = solve(scene, stages=[pressed, turned], method=Method(smallest_step=0.02)).verdict
+    assert verdict.kind == "friction used up" and "holds body 'up', tool 'B'," in verdict.reason, verdict.reason
+
+
 @pytest.mark.parallel
 def test_a_clutch_slips_at_its_largest_moment():
     """Although the middle of its sole does not slip: within a hundredth, which the mesh leaves of a circle."""

@@ -266,16 +266,26 @@ def _slides(
     if not contacts:
         return None
     taken, most = np.sum([used[contact] for contact in contacts], axis=0)
-    names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in parts)
+    reliant = {system.bodies[i][0] for i in system.holds.reliant}
+    owners = [name for name, _ in parts]
+    # a body that supports hold, if more softly than endless friction would, goes with what they do not
+    loose = [name for name in owners if name in reliant or name in system.tools.names or _carried_by(system, name, owners)]
+    names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name in loose or owners)
     where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
     text = f"{how} {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
     if not _pushed(system, motions, held):
-        reliant = {system.bodies[i][0] for i in system.holds.reliant}
         springs = reliant >= {name for name, _ in parts} and not (system.stabilised or system.damped)
         remedy = " or ".join((["solve(..., method=Method(stabilise=True))"] if springs else []) + damping(system))
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
     return Finding(SLIDES, f"{text}; {end}", where, remedy)
+
+
+def _carried_by(system: System, body: str, names: Collection[str]) -> bool:
+    """Whether a body is tied to one of the tools among these names. Collective."""
+    nodes = np.concatenate([nodes for name, nodes in system.bodies if name == body])
+    tied = [system.supports.ties.of(i) for i, name in enumerate(system.tools.names) if name in names]
+    return bool(system.comm.allreduce(sum(int(np.isin(nodes, of).sum()) for of in tied)))
 
 
 def undecided(system: System, told: Collection[str]) -> dict[str, str]:
