@@ -118,9 +118,7 @@ def _under_old_penalties(system: System, stepper: Stepper, goal: float) -> bool:
     return True
 
 
-def _judged(
-    system: System, stepper: Stepper, before: Reached | None, low: Reached, high: Reached, blocked: float
-) -> str:  # fmt: skip
+def _judged(system: System, stepper: Stepper, before: Reached | None, low: Reached, high: Reached, blocked: float) -> str:
     """Whether what lies between the state `low` of the path and `high`, where no step reaches t = blocked, is a snap, or may
     be one: "" where the path goes on to there. Collective."""
     if before is not None and _leaps(system, before, low, high):
