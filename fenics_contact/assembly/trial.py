@@ -116,7 +116,7 @@ class Response:
     forces: sums of area T at the nodes, as the master numbers them; split: pressure (ne, nq) and friction on the slave (ne,
     nq, 3), where T is a mean over normals that may differ; power (ne, nq): friction's over what it has on ways in the
     slave's facets, where it acts in others; acting: as split, of the forces: across and along what is
-    pressed, which lies aslant to the slave's facet at its ends and creases.
+    pressed, which lies aslant to the slave's facet at its ends and creases, and where it is round.
     """
 
     traction: Floats

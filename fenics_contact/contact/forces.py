@@ -42,7 +42,8 @@ class Forces:
 
     def acting(self, state: State) -> tuple[Floats, Floats]:
         """The same as results show them: the sizes (ne, nq) of what acts normal to what is pressed, and the vectors (ne, nq,
-        3) along it, which add up to the force. At ends and creases averages press by more than the law's pressure."""
+        3) along it, which add up to the force. Where they lean at ends and creases, or slide on a round side, averages press
+        by more than the law's pressure."""
         acting = self._contact.response(state).acting
         return self.split_traction(state) if acting is None else acting
 

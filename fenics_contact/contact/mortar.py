@@ -21,6 +21,8 @@ from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Array, Floats, Ints64
 
+SLID = 0.05  # of a cell: a node that has gone less has not begun to slide; the double is all
+
 
 class MortarPartner(OnFacets):
     """Slave nodes against the facets of another body, through samples of the facets around them.
@@ -46,9 +48,14 @@ class MortarPartner(OnFacets):
         """With samples where the surfaces lie at feet; nodes have the ways since anchors and rests that they had."""
         h = trial.history
         ways = [self._laws.averages(h.feet, anchors)[1] for anchors in (h.anchors, h.rests)] if trial.rough else []
-        then = self.places.resampled(h.feet, feet, trial.rough)
+        then = self.places.resampled(h.feet, feet, self._slides(trial) if trial.rough else None)
         anchors, rests = [self.anchors.trailing(then, way) for way in ways] or [self.anchors.here(then, trial)] * 2
         return trial.remembering(anchors=anchors, rests=rests, before=anchors, feet=then)
+
+    def _slides(self, trial: Trial) -> Floats:
+        """How much (ns,) nodes slide, from 0 to 1: by the way that they have slid, for what comes to rest would be loaded
+        anew, slip, and so on, if it pressed otherwise at once."""
+        return np.clip(trial.history.slip_path.ravel() / (SLID * self.surface.spacing.ravel()) - 1.0, 0.0, 1.0)
 
     def return_to(self, trial: Trial) -> None:
         """To the samples of a trial."""
@@ -180,7 +187,7 @@ class MortarPartner(OnFacets):
         along = np.tile(ours, (1, number.shape[1], 1))
         if len(slaves.aside):
             more = np.einsum("qi,qic->qc", slaves.aside, feet.coords[slaves.nodes[facet]])
-            along = along + around.ends[facet][..., None] * more[:, None]
+            along = along + slaves.leans[facet][..., None] * more[:, None]
         # of what sticks no law tells the friction
         force = p[..., None] * along - np.where(slips[..., None], t - _dot(along, t) * ours, 0.0)
         load = _dot(theirs, force)
@@ -188,7 +195,7 @@ class MortarPartner(OnFacets):
         size = np.maximum(p * np.linalg.norm(rubs, axis=2), 1e-300)
         law = (np.where(slips, np.linalg.norm(t, axis=2), 0.0) / size)[..., None] * load * rubs
         apart = np.where(p[..., None] > 0.0, apart + law, 0.0)
-        near = np.isin(number, np.unique(around.number[around.ends.any(axis=1)]))
+        near = np.isin(number, np.unique(around.number[around.tips.any(axis=1)]))
         all_over = [part.sum(axis=(0, 1)) for part in (apart, load * theirs)]
         return np.concatenate([apart[near].sum(axis=0), *all_over, [load.sum()]])
 

@@ -14,7 +14,7 @@ from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vecto
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
 from fenics_contact.contact.pairing import Pairing, Watch, seek_in_sight
-from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, corner_shapes, samples_for
+from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.walls import walls_between
 from fenics_contact.kernels import mortar as kernel
@@ -29,6 +29,7 @@ Project = Callable[[Floats, Floats, Floats], Projection]
 
 ACROSS = np.sqrt(0.5)  # less of a lean that lies along an edge: it leans across that
 SETTLED = 1e-4  # less by which a normal leans, a hundredth of a percent of the load aside, is nothing; the double is all
+FLATTER = 30.0  # times less than by which a slave bends: what the squares of the master's normals spread around a node
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 
 
@@ -36,9 +37,10 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     """Of slave nodes that meet a master through samples of the facets around them.
 
     ring (nf, m): corners of the master's facets; edges (nf, m): from which of them to the next it ends or has a crease;
-    surface: SlaveSurface of nodes; crossing.skin: all facets of the slave; free (ns, 3, 3): ways that supports leave the
-    nodes, by rows; part: of the mesh, as of `walls_between`. Each process evaluates all samples around its own nodes against
-    the whole master, and so needs nothing of the others. The constructor and methods that take a state are collective.
+    surface: SlaveSurface of nodes; bends (ns,): `_spread` of their normals as drawn; crossing.skin: all facets of the slave;
+    free (ns, 3, 3): ways that supports leave the nodes, by rows; part: of the mesh, as of `walls_between`. Each process
+    evaluates all samples around its own nodes against the whole master, and so needs nothing of the others. The constructor
+    and methods that take a state are collective.
     """
 
     sights: Sights
@@ -70,28 +72,30 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         m = int(master.corners[1].max(initial=3))
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
         self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
-        self._aside: tuple[Floats, Floats] | None = None  # places of all nodes, and what a step from there presses along
+        self._aside: tuple[Floats, Steered] | None = None  # places of all nodes, and what a step from there presses along
         self._beyond = beyond_edges(master.corners)
         creased = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < cosine
         self.edges = ((self._beyond < 0) | creased)[:, :m]
         self._ends: Ends = starts, edges + self.first, sides, smooth
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
         self.use(Samples(self.around, self.around.whole))
+        self.bends = _drawn(self)
 
-    def resampled(self, then: MortarFeet, now: MortarFeet, rough: bool) -> MortarFeet:
+    def resampled(self, then: MortarFeet, now: MortarFeet, slides: Floats | None) -> MortarFeet:
         """Take samples where the surfaces lie now; returns the feet that they had then, as the last step ended. Collective.
 
-        rough: edges lean otherwise in front of what slides than behind it, and press along the master's normals of then.
+        slides (ns,): how much nodes slide, from 0 to 1, None: without friction. Edges lean otherwise in front of what slides
+        than behind it, as do nodes of round sides where few of them touch: both press along the master's normals of then.
         """
         with self.timers("projection"):
-            if rough and (self._aside is None or self._aside[0] is not then.coords):
-                self._aside = then.coords, _steered(self, then)
+            if slides is not None and (self._aside is None or self._aside[0] is not then.coords):
+                self._aside = then.coords, _steered(self, then, slides)
             normals, _ = self.around.normals(now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites))
             feet = self._at(then.coords, then.pose, partial(self.sights.pairing.project, timers=self.timers))
-            if rough and self._aside is not None:
-                self.samples = self.samples.steered(self._aside[1])
+            if slides is not None and self._aside is not None:
+                self.samples = self.samples.pressing(*self._aside[1])
             return feet._replace(samples=self.samples)
 
     def master_normals(self, feet: MortarFeet) -> Floats:
@@ -218,23 +222,48 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         return seen_from_behind(self.comm, feet.points, normals, corners, self.surface.cell_height)
 
 
-def _steered(places: NodePlaces, then: MortarFeet) -> Floats:
-    """Parts (nf, m, 2) of facets' tangents, by their corners, in what is added to normals where nodes at ends and creases
-    press: fitted to the samples that a facet has as a whole, they hang on the state then alone."""
+def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
+    """Parts (nf, m, 2) of facets' tangents, by their corners, in what is added to normals, fitted to the samples that a
+    facet has as a whole, so that they hang on the state then alone; and how much of it (nf, m) where corners press: all at
+    ends and creases, elsewhere where nodes slide on a master that is flatter than the slave was drawn. On one as round the
+    slave's normals are as good, and turn with the slave, where the master's are those of another place a step later."""
     places.use(whole := Samples(places.around, places.around.whole))
     feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
-    return whole.fitted(then.coords, *_aside(places, feet))
+    aside, sees, ends = _aside(places, feet)
+    table = whole.table
+    share = np.where((table < 0) | ~sees[table], 0.0, whole.share)
+    flat = FLATTER * _spread(share, places.master_normals(feet)[table])
+    lean = slides * places.bends / (places.bends + flat + SETTLED**2)
+    lean[((table >= 0) & ends[table]).any(axis=1)] = 0.0
+    number = places.around.number
+    part = np.where(number < 0, 0.0, lean[number])
+    return whole.fitted(then.coords, aside, sees), np.where(places.around.tips, 1.0, part)
 
 
-def _aside(places: NodePlaces, feet: MortarFeet) -> tuple[Floats, Bools]:
-    """What is added to the normals of samples (np, 3) where nodes at ends and creases of the slave press, and which of them
-    see the master; nothing where the master ends there as well, for its own edges press along the slave's normals."""
+def _drawn(places: NodePlaces) -> Floats:
+    """How far (ns,) normals of the slave spread around each node as it was drawn, see `_spread`."""
+    whole, X = places.samples, places.skin.X
+    points, directions, lengths = np.empty((whole.count, 3)), np.empty((whole.count, 3)), np.empty(whole.count)
+    kernel.sample_places(X, whole.slaves, places.around.normals(X)[0], points, directions, lengths)
+    return _spread(whole.share, directions[whole.table])
+
+
+def _spread(share: Floats, normals: Floats) -> Floats:
+    """Mean squares (ns,) of what unit normals (ns, J, 3) of samples, with their shares (ns, J), are off their mean by."""
+    whole = np.maximum(share.sum(axis=1), 1e-300)
+    off = normals - (np.einsum("nj,njc->nc", share, normals) / whole[:, None])[:, None]
+    return np.asarray(np.einsum("nj,njc->n", share, off * off) / whole)
+
+
+def _aside(places: NodePlaces, feet: MortarFeet) -> tuple[Floats, Bools, Bools]:
+    """What is added to the normals of samples (np, 3), which of them see the master, and which lean across one of its ends
+    or creases: nothing is added there, for its own edges press along the slave's normals."""
     facet, kind, normals = feet.projection[0], feet.projection[1], feet.projection[5]
-    feels, theirs = (kind != NONE) & places.around.ends.any(axis=1)[feet.samples.slaves.facet], places.master_normals(feet)
-    part = np.where(feels, np.einsum("qc,qc->q", theirs, normals), 1.0)
+    sees, theirs = kind != NONE, places.master_normals(feet)
+    part = np.where(sees, np.einsum("qc,qc->q", theirs, normals), 1.0)
     aside = theirs / part[:, None] - normals
     lean, x = np.linalg.norm(aside, axis=1), feet.coords[places.ring[facet]]
     sides = np.roll(x, -1, axis=1) - x
     across = np.abs(np.einsum("qec,qc->qe", sides, aside)) < ACROSS * np.linalg.norm(sides, axis=2) * lean[:, None]
-    ends = (places.edges[facet] & across).any(axis=1)
-    return np.where((feels & ~ends)[:, None], np.clip(lean / SETTLED - 1.0, 0.0, 1.0)[:, None] * aside, 0.0), feels
+    ends = sees & (places.edges[facet] & across).any(axis=1)
+    return np.where((sees & ~ends)[:, None], np.clip(lean / SETTLED - 1.0, 0.0, 1.0)[:, None] * aside, 0.0), sees, ends

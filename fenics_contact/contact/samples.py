@@ -25,6 +25,9 @@ RINGS = {
 }
 ROUNDED = 1e-13  # of an area: what sums leave
 HELD = 1e-6  # of a way across an end: what else nodes can go there is rounding
+# (np, 2), (nf, m): parts of their facets' tangents in what is added to the normals of samples, and how much of it where
+# each corner presses
+Steered = tuple[Floats, Floats]
 NEAREST = 1.8  # of a sample's distance from the border of its facet: the way on which it leaves the master
 
 
@@ -57,7 +60,7 @@ class SlaveFacets:
     the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
     corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
-    the reference; nearest: the least one of the FEWEST samples in a unit facet; ends (nf, m): which corners are ends or
+    the reference; nearest: the least one of the FEWEST samples in a unit facet; tips (nf, m): which corners are ends or
     creases of the surface; free (n, 3, 3): ways that supports leave the nodes, by rows; joined (nx,): which nodes of
     the surface the master has, too. Collective.
     """
@@ -94,7 +97,7 @@ class SlaveFacets:
         self._room = len(self.whole[2])  # for samples
         N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
         self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
-        self.ends = np.isin(self.corners, self._ends(free[self.of])) & ~joined[self.corners]  # there it goes on
+        self.tips = np.isin(self.corners, self._ends(free[self.of])) & ~joined[self.corners]  # there it goes on
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
         self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
 
@@ -146,14 +149,19 @@ class SlaveFacets:
         """The greatest such number of all processes. Collective."""
         return max(self._skin.comm.allgather(here))
 
-    def unpacked(self, values: Floats) -> tuple[Sites, Floats | None]:
+    def unpacked(self, values: Floats) -> tuple[Sites, Steered | None]:
         """Those that `Samples.packed` gave."""
         _, entry = np.unique(self.facets, return_index=True)  # of one own node each
         node = np.searchsorted(self.starts, entry, side="right") - 1
         on = values[node, :, 0] == (entry - self.starts[node])[:, None]
-        _, s, t, weights, *turns = values[node][on].T
+        _, s, t, weights, *turns = values[node][on].T[:6]
         sites = np.append(0, np.cumsum(on.sum(axis=1))), np.column_stack([s, t]), np.ascontiguousarray(weights)
-        return sites, np.column_stack(turns) if turns else None
+        if not turns:
+            return sites, None
+        row, column = np.nonzero(values[..., 0] >= 0)
+        at, shares = self.starts[row] + values[row, column, 0].astype(int), np.zeros(self.corners.shape)
+        shares[self.facets[at], self.places[at]] = values[row, column, 6]
+        return sites, (np.column_stack(turns), shares)
 
     def _ends(self, free: Array) -> Ints:
         """The surface's nodes where it ends or has a crease; creases of the facets around this rank's own nodes. Where
@@ -196,18 +204,18 @@ class Samples:
     sites: on their facets; slaves: as the kernels take them; rims (np,): the ways on which samples leave the master, over
     their facets' size along them; table, corner (ns, J): samples around each own node and its corner's place among those of
     their facet, -1 where there are fewer; share (ns, J): what they have of the node's area [length^2]; anchor (ns, J): where
-    they have theirs; turned (np, 2): parts of the facets' tangents in what is added to their normals where they press,
-    None: nothing is.
+    they have theirs; steered: None: they press along their normals.
     """
 
-    def __init__(self, around: SlaveFacets, sites: Sites, turned: Floats | None = None) -> None:
+    def __init__(self, around: SlaveFacets, sites: Sites, steered: Steered | None = None) -> None:
         (first, places, weights), self.sites = sites, sites
         facet, m = np.repeat(np.arange(len(around.nodes)), np.diff(first)), around.corners.shape[1]
         (N, _), (shape, self._gradients) = corner_shapes(m, places), around.shapes(places)
         area = _weighed(around, facet, N, around.areas(facet, places, weights))
         where = around.nodes, around.group, around.starts, around.facets, around.places
-        self.turned, aside = turned, np.zeros((0, shape.shape[1])) if turned is None else self._aside(turned)
-        self.slaves = Slaves(*where, first, facet, area, shape, N, around.ends, aside)
+        nothing = np.zeros((0, shape.shape[1])), np.zeros(around.corners.shape)
+        self.slaves = Slaves(*where, first, facet, area, shape, N, *nothing)
+        self._steer(steered)
         self.corners = np.ascontiguousarray(around.corners[facet])
         # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where
         # more samples lie nearer, as those of degree 2 do, shares that fell on their way alone would hardly be gradual:
@@ -229,8 +237,11 @@ class Samples:
     def count(self) -> int:
         return len(self.slaves.facet)
 
-    def _aside(self, turned: Floats) -> Floats:
-        return np.einsum("qa,qai->qi", turned, self._gradients)
+    def _steer(self, steered: Steered | None) -> None:
+        self.steered = steered
+        if steered is not None:
+            turned, shares = steered
+            self.slaves = self.slaves._replace(aside=np.einsum("qa,qai->qi", turned, self._gradients), leans=shares)
 
     def fitted(self, coords: Floats, aside: Floats, some: Bools) -> Floats:
         """Parts (nf, m, 2) of facets' tangents, by their corners, that give best what is given at some of the samples, aside
@@ -245,22 +256,22 @@ class Samples:
         np.add.at(sums, facet, weights * N[:, :, None] * parts[:, None])
         return np.asarray(np.linalg.pinv(products, hermitian=True) @ sums)
 
-    def steered(self, parts: Floats) -> "Samples":
+    def pressing(self, parts: Floats, shares: Floats) -> "Samples":
         """The same samples, that press along their normals and these parts (nf, m, 2) of their facets' tangents, with which
-        they turn."""
+        they turn; shares (nf, m): how much of it where corners press."""
         out = copy(self)
-        out.turned = np.einsum("qc,qca->qa", self.slaves.N, parts[self.slaves.facet])
-        out.slaves = self.slaves._replace(aside=self._aside(out.turned))
+        out._steer((np.einsum("qc,qca->qa", self.slaves.N, parts[self.slaves.facet]), shares))
         return out
 
     def packed(self) -> Floats:
-        """Of the samples around each own node (ns, J, 4 or 6): which of its facets they are on, counted from zero, -1:
-        there are no more, place and weight there, and `turned`, if anything is. No partition changes it."""
-        first, places, weights = self.sites
-        out, (row, column) = np.full((*self.table.shape, 4 if self.turned is None else 6), -1.0), np.nonzero(self.table >= 0)
-        entry = np.repeat(np.arange(len(self.slaves.facets)), np.diff(first)[self.slaves.facets])
+        """Of the samples around each own node (ns, J, 4 or 7): which of its facets they are on, counted from zero, -1:
+        there are no more, place and weight there, and what is `steered`, if anything is. No partition changes it."""
+        (first, places, weights), f, c = self.sites, self.slaves.facets, self.slaves.places
+        (row, column), columns = np.nonzero(self.table >= 0), 4 if self.steered is None else 7
+        out = np.full((*self.table.shape, columns), -1.0)
+        entry = np.repeat(np.arange(len(f)), np.diff(first)[f])
         sample = self.table[row, column]
-        turned = [] if self.turned is None else [self.turned[sample]]
+        turned = [] if self.steered is None else [self.steered[0][sample], self.steered[1][f[entry], c[entry]]]
         out[row, column] = np.column_stack([entry - self.slaves.starts[row], places[sample], weights[sample], *turned])
         return out
 

@@ -82,8 +82,8 @@ class Slaves(NamedTuple):
     nodes (nf, k) of the facets, corners first; group (nf, m) of kernels/normals.py; starts (ns + 1,), facets (ne,), places
     (ne,): where each slave node is a corner; first (nf + 1,): where each facet's samples begin; facet (np,): whose a sample
     is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there;
-    ends (nf, m): which corners are ends or creases; aside (np, k): parts of the nodes in what is added to normals where
-    these press, see `aside`; (0, k): nothing is.
+    aside (np, k): parts of the nodes in what is added to normals where corners press that are ends or creases, or slide, see
+    `aside`; (0, k): nothing is; leans (nf, m): how much of it.
     """
 
     nodes: Ints64
@@ -96,8 +96,8 @@ class Slaves(NamedTuple):
     weights: Floats
     shape: Floats
     N: Floats
-    ends: Bools
     aside: Floats
+    leans: Floats
 
 
 Pairs = tuple[Floats, Slaves, Surface, Met, Anchors]
@@ -165,12 +165,12 @@ def foot_of(q: int, met: Met) -> Foot:
 
 @njit(cache=True)
 def aside(q: int, slaves: Slaves, coords: Floats) -> Vector:
-    """What is added to the normal of sample q where slave nodes at ends and creases press, with friction: it is the master's
-    then, over its part along the sample's own, as it was when the last step ended, and turning with the slave since.
+    """What is added to the normal of sample q where slave nodes at ends and creases press, or others that slide and lean,
+    with friction: it is the master's then, over its part along the sample's own, as when the last step ended, turning with
+    the slave since. So a gap along the sample's own normal grows.
 
-    An edge of the slave digs into the master, whose surface bends around it. Along the slave's own normal its pressure would
-    push a body on that is drawn along, which leans otherwise in front than behind. Friction acts across the same, as
-    (I - n (n + a)^T) T_T with the sample's normal n and this, a.
+    An edge of the slave digs into the master, which bends round it. Along its own normal it would push a body on that
+    is drawn along. Friction acts across the same, as (I - n (n + a)^T) T_T with the sample's normal n and this, a.
     """
     f, out = slaves.facet[q], ZERO
     for i in range(slaves.nodes.shape[1] if len(slaves.aside) else 0):
@@ -342,9 +342,9 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
                 continue
             t = row(T, A)
             share = slaves.N[q, c] * slaves.weights[q] * met[6][q]
-            along = plus(n, more) if slaves.ends[f, c] else n
+            along = less(n, -slaves.leans[f, c], more)
             total += share * N[A]
-            at_ends += share * N[A] * slaves.ends[f, c]
+            at_ends += share * N[A] * slaves.leans[f, c]
             across += share * dot(along, t)
             tangential = less(tangential, -share, t)
             in_plane = less(t, dot(n, t), n)
@@ -352,7 +352,7 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
             sums[A, 3] += share * N[A]
             sums[A, 7] += share * dot(in_plane, in_plane)
             sums[A, 8] += share * rises * rises
-            sums[A, 9] += share * N[A] * (norm(along) if slaves.ends[f, c] else 1.0)
+            sums[A, 9] += share * N[A] * (norm(along) if slaves.leans[f, c] > 0.0 else 1.0)
             for a in range(3):
                 sums[A, a] += share * (N[A] * along[a] + in_plane[a] - rises * n[a])
                 sums[A, 4 + a] += share * in_plane[a]

@@ -90,7 +90,9 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
                 if feet[q] < 0:
                     continue
                 a, share, way, w = q * m + c, covers[q] * around, 0.0, ZERO
-                normal, more = row(met[5], q), four(aside(q, slaves, coords) if slaves.ends[f, c] else ZERO)
+                leans, normal, more = slaves.leans[f, c], row(met[5], q), four(ZERO)
+                if leans > 0.0:
+                    more = four(times(leans, aside(q, slaves, coords)))
                 if rough and anchor_nodes[a, 0] >= 0:
                     way, w = share, minus(got(met[10], q, 0), of_nodes(anchor_weights, a, anchor_nodes, coords))
                     for j in range(l):

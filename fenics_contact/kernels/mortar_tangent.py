@@ -58,9 +58,9 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
             if A >= 0:
                 share = shapes[q, c] * weights[q]
                 total += share * N[A]
-                at_ends += share * N[A] * slaves.ends[f, c]
+                at_ends += share * N[A] * slaves.leans[f, c]
                 t = less(t, -share, row(T, A))
-                ends = less(ends, -share * slaves.ends[f, c], row(T, A))
+                ends = less(ends, -share * slaves.leans[f, c], row(T, A))
         if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
             continue
         presses[q], across, more = True, dot(normal, t), aside(q, slaves, coords)
