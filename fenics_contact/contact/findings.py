@@ -126,8 +126,8 @@ def _lean_note(contact: Contact, state: State) -> Remark | None:
     if slides and all_over > LEANS:
         return Remark(
             all_over,
-            f"{text}, an edge of which digs in: its tangential force may be off by up to {all_over:.2g} of the load, "
-            f"changing as the edge passes the slave's nodes; {ROUND}",
+            f"{text}, an edge of which digs in, or where few nodes of a round side touch: its tangential force may be off "
+            f"by up to {all_over:.2g} of the load, changing as these pass; {ROUND}, or finer cells on what is round",
         )
     return None
 
