@@ -132,9 +132,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     def _at(self, coords: Floats, pose: Pose | None, project: Project) -> MortarFeet:
         """The same of positions coords (nx, 3) and a tool's pose."""
         normals, turns = self.around.normals(coords)
-        n = self.samples.count
-        points, directions, lengths = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-        kernel.sample_places(coords, self.samples.slaves, normals, points, directions, lengths)
+        points, directions, lengths = self.samples.at(coords, normals)
         met = self._covered(points, coords, project(points, -directions, coords))
         return MortarFeet(self.samples, coords, points, lengths, turns, met, pose)
 
@@ -229,10 +227,9 @@ def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
     slave's normals are as good, and turn with the slave, where the master's are those of another place a step later."""
     places.use(whole := Samples(places.around, places.around.whole))
     feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
-    aside, sees, ends = _aside(places, feet)
-    table = whole.table
-    share = np.where((table < 0) | ~sees[table], 0.0, whole.share)
-    flat = FLATTER * _spread(share, places.master_normals(feet)[table])
+    theirs, table = places.master_normals(feet), whole.table
+    aside, sees, ends = _aside(places, feet, theirs)
+    flat = FLATTER * _spread(np.where((table < 0) | ~sees[table], 0.0, whole.share), theirs[table])
     lean = slides * places.bends / (places.bends + flat + SETTLED**2)
     lean[((table >= 0) & ends[table]).any(axis=1)] = 0.0
     number = places.around.number
@@ -243,8 +240,7 @@ def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
 def _drawn(places: NodePlaces) -> Floats:
     """How far (ns,) normals of the slave spread around each node as it was drawn, see `_spread`."""
     whole, X = places.samples, places.skin.X
-    points, directions, lengths = np.empty((whole.count, 3)), np.empty((whole.count, 3)), np.empty(whole.count)
-    kernel.sample_places(X, whole.slaves, places.around.normals(X)[0], points, directions, lengths)
+    _, directions, _ = whole.at(X, places.around.normals(X)[0])
     return _spread(whole.share, directions[whole.table])
 
 
@@ -255,11 +251,11 @@ def _spread(share: Floats, normals: Floats) -> Floats:
     return np.asarray(np.einsum("nj,njc->n", share, off * off) / whole)
 
 
-def _aside(places: NodePlaces, feet: MortarFeet) -> tuple[Floats, Bools, Bools]:
-    """What is added to the normals of samples (np, 3), which of them see the master, and which lean across one of its ends
-    or creases: nothing is added there, for its own edges press along the slave's normals."""
+def _aside(places: NodePlaces, feet: MortarFeet, theirs: Floats) -> tuple[Floats, Bools, Bools]:
+    """What is added to the normals of samples (np, 3) for the master's, theirs (np, 3), which of them see it, and which
+    lean across one of its ends or creases: nothing is added there, for its own edges press along the slave's normals."""
     facet, kind, normals = feet.projection[0], feet.projection[1], feet.projection[5]
-    sees, theirs = kind != NONE, places.master_normals(feet)
+    sees = kind != NONE
     part = np.where(sees, np.einsum("qc,qc->q", theirs, normals), 1.0)
     aside = theirs / part[:, None] - normals
     lean, x = np.linalg.norm(aside, axis=1), feet.coords[places.ring[facet]]

@@ -10,7 +10,7 @@ import numpy as np
 from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.kernels.broad_phase import candidates
-from fenics_contact.kernels.mortar import Slaves
+from fenics_contact.kernels.mortar import Slaves, sample_places
 from fenics_contact.kernels.normals import CREASE, Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
 from fenics_contact.kernels.segments import Joined, Rule, Rules, Sites, facet_parts
@@ -236,6 +236,13 @@ class Samples:
     @property
     def count(self) -> int:
         return len(self.slaves.facet)
+
+    def at(self, coords: Floats, normals: Floats) -> tuple[Floats, Floats, Floats]:
+        """Places (np, 3), unit directions (np, 3) into the slave and lengths (np,) of the mean normals that these have, with
+        nodes at coords (nx, 3) and normals (ng, 3) of the groups."""
+        out = np.empty((self.count, 3)), np.empty((self.count, 3)), np.empty(self.count)
+        sample_places(coords, self.slaves, normals, *out)
+        return out
 
     def _steer(self, steered: Steered | None) -> None:
         self.steered = steered

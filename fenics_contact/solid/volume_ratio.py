@@ -1,6 +1,7 @@
 """J = det F over a mesh: its smallest value, and the cells that turned inside out, wholly or at a corner."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import basix
 import numpy as np
@@ -13,7 +14,7 @@ from fenics_contact.assembly.section import Section
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.body import Body, NamedCells
 from fenics_contact.solid.elements import quadrature_degree
-from fenics_contact.types import Floats, Function
+from fenics_contact.types import Bools, Floats, Function
 
 # Jacobian at a corner as drawn, over the cell's mean, up to which strains of a tenth, of which rubber thinks nothing, turn
 # it over: sides all but in line, as where quadrilaterals meet a circle. J is next to 0 / 0 there and tells of the drawing
@@ -33,10 +34,8 @@ class VolumeRatio:
         corners = basix.geometry(cell)
         near = (1.0 - NEAR) * corners + NEAR * corners.mean(axis=0)
         J, self._inner = ufl.det(vp.deformation_gradient(u, section)), len(points)
-        self._evaluate = compat.cell_evaluator(mesh.domain, J, np.concatenate([points, near]))
-        # of a corner that is inside out as drawn J tells nothing either: below zero it has come upright
-        drawn = compat.cell_evaluator(mesh.domain, ufl.JacobianDeterminant(mesh.domain), np.concatenate([points, near]))()
-        self._flat = drawn[:, self._inner :] <= FLAT * drawn[:, : self._inner].mean(axis=1, keepdims=True)
+        self._points = np.concatenate([points, near])
+        self._evaluate = compat.cell_evaluator(mesh.domain, J, self._points)
 
     def check(self, least: float = 0.0) -> Finding | None:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
@@ -60,7 +59,10 @@ class VolumeRatio:
         out there, though it may not be in its quadrature points, of which alone the stress asks. Collective."""
         values = self._evaluate()
         smallest = self._mesh.comm.allreduce(float(values[:, : self._inner].min(initial=np.inf)), op=MPI.MIN)
-        found = self._worst(np.where(self._flat, 1.0, values[:, self._inner :]).min(axis=1, initial=np.inf))
+        corners = values[:, self._inner :]
+        if not self._mesh.comm.allreduce(not (corners > 0.0).all(), op=MPI.LOR):
+            return smallest, {}
+        found = self._worst(np.where(self._flat, 1.0, corners).min(axis=1, initial=np.inf))
         if found is None:
             return smallest, {}
         text = (
@@ -69,6 +71,13 @@ class VolumeRatio:
             "before, finer cells there, or round the edges that meet there"
         )
         return smallest, {"corner": Remark(found.value, text)}
+
+    @cached_property
+    def _flat(self) -> Bools:
+        """Which corners (cells, corners) tell nothing by J: those all but flat as drawn, or inside out, for below zero these
+        have come upright. Few runs ask. Collective."""
+        drawn = compat.cell_evaluator(self._mesh.domain, ufl.JacobianDeterminant(self._mesh.domain), self._points)()
+        return np.asarray(drawn[:, self._inner :] <= FLAT * drawn[:, : self._inner].mean(axis=1, keepdims=True))
 
     def _worst(self, J: Floats, least: float = 0.0) -> Foremost | None:
         """-J and cell where J (cells,) is the smallest of all ranks, if that is at most `least`. Collective."""

@@ -193,8 +193,8 @@ def sliding(system: System, rest: float = HELD, asked: bool = False) -> Finding 
     held, values = _relying(system, rough, motions, stuck, list(used), rest)
     if not held.size:
         return None
-    reliant = {system.bodies[i][0] for i in system.holds.reliant}
-    if rest == HELD and not any(name in reliant or name in system.tools.names for name, _ in _parts(motions, held)):
+    loose = _reliant(system).union(system.tools.names)
+    if rest == HELD and not any(name in loose for name, _ in _parts(motions, held)):
         return None  # supports hold them, though more softly than endless friction would
     how = "friction alone holds" if rest == HELD else f"friction gives all but {np.abs(values).min():.0%} of what holds"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
@@ -261,24 +261,28 @@ def _slides(
 ) -> Finding | None:
     """The finding that friction, used up in these contacts, holds combinations of motions: in words how, and what follows
     where a load pushes; None where none does and nothing is left to try, or where these have no part in it. Collective."""
-    parts = _parts(motions, held)
-    contacts = [contact for contact in contacts_of(system, {name for name, _ in parts}) if contact in used]
+    owners = [name for name, _ in _parts(motions, held)]
+    contacts = [contact for contact in contacts_of(system, set(owners)) if contact in used]
     if not contacts:
         return None
     taken, most = np.sum([used[contact] for contact in contacts], axis=0)
-    reliant = {system.bodies[i][0] for i in system.holds.reliant}
-    owners = [name for name, _ in parts]
+    reliant = _reliant(system)
     # a body that supports hold, if more softly than endless friction would, goes with what they do not
     loose = [name for name in owners if name in reliant or name in system.tools.names or _carried_by(system, name, owners)]
     names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name in loose or owners)
     where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
     text = f"{how} {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
     if not _pushed(system, motions, held):
-        springs = reliant >= {name for name, _ in parts} and not (system.stabilised or system.damped)
+        springs = reliant.issuperset(owners) and not (system.stabilised or system.damped)
         remedy = " or ".join((["solve(..., method=Method(stabilise=True))"] if springs else []) + damping(system))
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
     remedy = "raise friction=, fix a surface, or prescribe this motion (move= of a tool) in place of the load that drives it"
     return Finding(SLIDES, f"{text}; {end}", where, remedy)
+
+
+def _reliant(system: System) -> set[str]:
+    """Names of the bodies that supports alone do not hold along all axes."""
+    return {system.bodies[i][0] for i in system.holds.reliant}
 
 
 def _carried_by(system: System, body: str, names: Collection[str]) -> bool:
