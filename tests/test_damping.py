@@ -300,6 +300,10 @@ def beyond():
     return system
 
 
+def no_balance(self, system, t):
+    raise StepFailed("no balance")
+
+
 def test_a_snap_is_told_where_steps_under_the_penalties_before_end_elsewhere():
     """Penalties were raised: not where a step to this t would end is looked at, but the state that the run has come to."""
     system = beyond()
@@ -315,12 +319,9 @@ def test_a_snap_is_told_where_steps_under_the_penalties_before_end_elsewhere():
 def test_a_snap_that_no_shorter_step_follows_is_told_as_one_that_may_be(raised, monkeypatch):
     """Where all halves fail the path's rate tells: it leads to where an even path ends, and not beyond the snap."""
 
-    def fails(self, system, t):
-        raise StepFailed("no balance")
-
     system, even = beyond(), loaded_dome().system()
     Newton(LinearSolver(even)).step(even, 0.03)
-    monkeypatch.setattr(Newton, "step", fails)
+    monkeypatch.setattr(Newton, "step", no_balance)
     told = snapped(system, 0.1, raised)
     assert told is not None and "it may have passed through a snap: no shorter step past t = 0 finds a state" in told
     assert "body 'dome' at (" in told and "solve(..., method=Method(damping=True))" in told
@@ -330,10 +331,7 @@ def test_a_snap_that_no_shorter_step_follows_is_told_as_one_that_may_be(raised, 
 def test_a_snap_is_told_as_one_that_may_be_where_old_penalties_hold_no_balance(monkeypatch):
     system = beyond()
 
-    def fails(self, system, t):
-        raise StepFailed("no balance")
-
-    monkeypatch.setattr(Newton, "settle", fails)
+    monkeypatch.setattr(Newton, "settle", no_balance)
     told = snapped(system, 0.1, raised=True)
     assert told is not None and "it may have passed through a snap" in told
 

@@ -3,6 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
+from drawn import quadrilateral
 from mpi4py import MPI
 
 from fenics_contact import (
@@ -210,29 +211,15 @@ def test_a_corner_that_is_inside_out_as_drawn(dim, share, ends, drawn, turned):
 @pytest.mark.parametrize("side", [0.001, 1.0])
 def test_a_corner_that_is_flat_as_drawn_tells_nothing(side):
     """Two sides all but in line, as where quadrilaterals meet a circle: strains of a thousandth turn the corner over."""
-    mesh = read_gmsh(draw_quadrilateral, X=side * np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.5001], [0.0, 1.0]]))
+    corners, names = side * np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.5001], [0.0, 1.0]]), ("ymin", "right", "top", "xmin")
+    mesh = read_gmsh(lambda: quadrilateral("cell", corners, (1, 1), names))
     scene = Scene(Body(mesh, "cell", RUBBER), plane="strain", accept_locking=True)
     moved = side * np.array([0.5, 0.5001, 0.0])
     for axis in "xy":
-        scene.prescribe("skin", axis, lambda X, t: -1e-3 * side * t * (np.abs(X - moved).max(axis=1) < 1e-9 * side))
+        scene.prescribe(names, axis, lambda X, t: -1e-3 * side * t * (np.abs(X - moved).max(axis=1) < 1e-9 * side))
     result = solve(scene, steps=1).require()
     assert result.column("smallest_J")[-1] > 0.9
     assert not any("inside out" in note for note in result.verdict.notes)
-
-
-def draw_quadrilateral(X):
-    """One cell with corners at X (4, 2), around it."""
-    points = [gmsh.model.geo.addPoint(*place, 0.0) for place in X]
-    sides = [gmsh.model.geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
-    cell = gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(sides)])
-    for line in sides:
-        gmsh.model.geo.mesh.setTransfiniteCurve(line, 2)
-    gmsh.model.geo.mesh.setTransfiniteSurface(cell)
-    gmsh.model.geo.mesh.setRecombine(2, cell)
-    gmsh.model.geo.synchronize()
-    for dim, tags, name in ((2, [cell], "cell"), (1, sides, "skin")):
-        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
-    gmsh.model.mesh.generate(2)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

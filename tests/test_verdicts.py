@@ -8,6 +8,7 @@ from pathlib import Path
 import gmsh
 import numpy as np
 import pytest
+from drawn import quadrilateral, ring
 from mpi4py import MPI
 from petsc4py import PETSc
 from test_damping import blade, stumbling
@@ -289,22 +290,6 @@ def tipping(drive="force"):
     else:
         scene.prescribe("upper_top", "x", lambda X, t: np.full(len(X), -1.3 * max(2 * t - 1, 0)))
     return scene, {"steps": 8, "method": HELD}
-
-
-def quadrilateral(name, corners, cells, sides):
-    """Quadrilaterals between four corners (x, y), so many along the first and the second side, with a name for each side."""
-    points = [gmsh.model.geo.addPoint(x, y, 0) for x, y in corners]
-    lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-    surface = gmsh.model.geo.addPlaneSurface([gmsh.model.geo.addCurveLoop(lines)])
-    for line, count in zip(lines, cells + cells, strict=True):
-        gmsh.model.geo.mesh.setTransfiniteCurve(line, count + 1)
-    gmsh.model.geo.mesh.setTransfiniteSurface(surface)
-    gmsh.model.geo.mesh.setRecombine(2, surface)
-    gmsh.model.geo.synchronize()
-    gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [surface]), name)
-    for line, side in zip(lines, sides, strict=True):
-        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), side)
-    gmsh.model.mesh.generate(2)
 
 
 def wedge():
@@ -658,34 +643,16 @@ def test_what_slides_along_a_tool_is_not_pushed_beyond_balance():
     assert "a greater push has no balance" in pushed.reason and "raise friction=" in pushed.remedy
 
 
-def draw_rollers(around, across):
-    """Two rings of radii 6 and 10, and 9 and 15, one on the other, of quadrilaterals; groups {name}_in and {name}_out."""
-    geo = gmsh.model.geo
-    for name, y, radii in (("low", -10.005, (6.0, 10.0)), ("up", 15.005, (9.0, 15.0))):
-        ways = [(1, 0), (0, 1), (-1, 0), (0, -1)]
-        middle = geo.addPoint(0, y, 0)
-        points = [[geo.addPoint(R * cos, y + R * sin, 0) for cos, sin in ways] for R in radii]
-        arcs = [[geo.addCircleArc(ring[i], middle, ring[(i + 1) % 4]) for i in range(4)] for ring in points]
-        spokes = [geo.addLine(*ends) for ends in zip(*points, strict=True)]
-        loops = [[spokes[i], arcs[1][i], -spokes[(i + 1) % 4], -arcs[0][i]] for i in range(4)]
-        faces = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
-        for curves, cells in ((arcs[0] + arcs[1], around), (spokes, across)):
-            for curve in curves:
-                geo.mesh.setTransfiniteCurve(curve, cells + 1)
-        for face in faces:
-            geo.mesh.setTransfiniteSurface(face)
-            geo.mesh.setRecombine(2, face)
-        geo.synchronize()
-        for dim, tags, group in ((2, faces, name), (1, arcs[0], f"{name}_in"), (1, arcs[1], f"{name}_out")):
-            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), group)
-    gmsh.model.mesh.generate(2)
+def draw_rollers():
+    ring("low", -10.005, (6.0, 10.0), (1, 8), ("low_in", "low_out"))
+    ring("up", 15.005, (9.0, 15.0), (1, 8), ("up_in", "up_out"))
 
 
 @pytest.mark.parallel
 def test_a_body_on_a_hub_that_stands_is_not_said_to_be_held_by_friction_alone():
     """The lower roller is soft beside endless friction, and held: what slides is the upper one with its hub, which a moment
     turns."""
-    mesh = read_gmsh(draw_rollers, around=8, across=1)
+    mesh = read_gmsh(draw_rollers)
     scene = Scene(Body(mesh, "low", neo_hooke(1.0, 10.0)), Body(mesh, "up", neo_hooke(2.0, 20.0)), plane="strain")
     low, up = rigid_hub("A", (0, -10.005, 0)), rigid_hub("B", (0, 15.005, 0))
     scene.tie("low_in", low)

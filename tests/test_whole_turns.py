@@ -5,6 +5,7 @@ import math
 import gmsh
 import numpy as np
 import pytest
+from drawn import ring
 
 from fenics_contact import Body, Motion, Scene, SceneError, Stage, neo_hooke, read_gmsh, rigid_cylinder, rigid_hub, solve
 from fenics_contact.meshes import ring_sector
@@ -43,23 +44,7 @@ def test_steps_of_fifteen_degrees_are_taken_as_they_are():
 
 def bush():
     """A ring from 2 to 3.5, 24 curved cells around."""
-    geo = gmsh.model.geo
-    middle, quarters = geo.addPoint(0, 0, 0), np.arange(4) * math.pi / 2.0
-    inner, outer = ([geo.addPoint(r * math.cos(a), r * math.sin(a), 0) for a in quarters] for r in (2.0, 3.5))
-    arcs = [[geo.addCircleArc(points[i - 1], middle, points[i]) for i in range(4)] for points in (inner, outer)]
-    spokes = [geo.addLine(*ends) for ends in zip(inner, outer, strict=True)]
-    loops = [geo.addCurveLoop([spokes[i - 1], arcs[1][i], -spokes[i], -arcs[0][i]]) for i in range(4)]
-    faces = [geo.addPlaneSurface([loop]) for loop in loops]
-    for curves, cells in ((spokes, 3), (sum(arcs, []), 6)):
-        for curve in curves:
-            geo.mesh.setTransfiniteCurve(curve, cells + 1)
-    for face in faces:
-        geo.mesh.setTransfiniteSurface(face)
-        geo.mesh.setRecombine(2, face)
-    geo.synchronize()
-    for dim, tags, name in ((2, faces, "bush"), (1, arcs[0], "inner"), (1, arcs[1], "outer")):
-        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
-    gmsh.model.mesh.generate(2)
+    ring("bush", 0.0, (2.0, 3.5), (3, 6), ("inner", "outer"))
     gmsh.model.mesh.setOrder(2)
 
 
