@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from types import SimpleNamespace
 
 import gmsh
@@ -115,8 +116,8 @@ def past_the_end(way=-6.0):
     return scene, {ball: (0, 0, way)}
 
 
-def door_seal():
-    """A hollow seal with a glued foot, and a door that comes down on it by 7, more than it bears upright."""
+def door_seal(friction=0.01):
+    """A hollow seal with a glued foot, and a door that comes down on it by 7; such friction does not keep it upright."""
 
     def draw():
         occ, mesh = gmsh.model.occ, gmsh.model.mesh
@@ -144,7 +145,7 @@ def door_seal():
     scene = Scene(Body(read_gmsh(draw), "seal", neo_hooke(0.5, 5.0)), plane="strain", element="mixed")
     scene.fix("foot")
     door = rigid_plane((0, 12.0, 0), (0, -1, 0), name="door")
-    scene.contact("skin", door, friction=0.05, name="door")
+    scene.contact("skin", door, friction, name="door")
     return scene, {door: (0, -7.0, 0)}
 
 
@@ -168,11 +169,14 @@ def test_the_way_of_the_drive_is_no_jump():
     assert float(report.notes[0].split("jumped by ")[1].split()[0]) < 1e-5
 
 
-@pytest.mark.parametrize(("scene", "steps"), [(loaded_dome, 4), pytest.param(blade, 20, marks=pytest.mark.slow)])
-def test_the_verdict_names_damping_and_damping_cures(scene, steps):
-    failed = solve(scene(), steps=steps, method=Method(smallest_step=1e-3))
+@pytest.mark.parametrize(
+    ("stated", "steps"), [(lambda: (loaded_dome(), {}), 4), pytest.param(door_seal, 24, marks=pytest.mark.slow)]
+)
+def test_the_verdict_names_damping_and_damping_cures(stated, steps):
+    scene, move = stated()
+    failed = solve(scene, move=move, steps=steps, method=Method(smallest_step=1e-3))
     assert not failed.converged and "solve(..., method=Method(damping=True))" in failed.verdict.remedy, failed.verdict.reason
-    cured = solve(scene(), steps=steps, method=Method(damping=True))
+    cured = solve(scene, move=move, steps=steps, method=Method(damping=True))
     assert cured.converged, cured.verdict.reason
     assert any("jumped" in note for note in cured.verdict.notes)
     assert max(row["residual"] for row in cured.history) <= 1e-8  # in balance without damping
@@ -181,10 +185,13 @@ def test_the_verdict_names_damping_and_damping_cures(scene, steps):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("steps", [9, 10, 12, 15, 20])
-def test_no_steps_go_past_the_end_of_a_cantilever_without_a_word(steps):
-    """Newton's method fails at the snap, with the remedy, or comes over it and says so."""
-    scene, move = past_the_end()
+@pytest.mark.parametrize(
+    ("snapping", "steps"), [*product([past_the_end], [9, 10, 12, 15, 20]), *product([lambda: (blade(), {})], [10, 20, 40])]
+)
+def test_no_steps_go_past_a_snap_without_a_word(snapping, steps):
+    """Off the end of a cantilever, or as the foot of a blade flips at T = mu N: Newton's method fails, with the remedy, or
+    comes over it and says so."""
+    scene, move = snapping()
     result = solve(scene, move=move, steps=steps, method=Method(smallest_step=1e-3))
     said = result.verdict.notes if result.converged else [result.verdict.remedy]
     assert any("solve(..., method=Method(damping=True))" in words for words in said), said
@@ -356,22 +363,19 @@ def test_damped_motion_ends_no_farther_on_than_it_may_go():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("steps", [12, 20, 24, 30])
-def test_no_steps_tip_a_hollow_seal_over_without_a_word(steps):
-    """Its crown jumps aside, by 5 ... 7 with the door's way of less than 0.6, in one step or some parts of it."""
+@pytest.mark.parametrize("steps", [12, 24, 36])
+def test_a_hollow_seal_tips_over_by_damping_alone(steps):
+    """Its crown goes aside by 4 ... 6 once a friction of 0.01 no longer holds it up; with 0.05 it stays up, see
+    test_turning_slip.py. A node's statuses repeat in front of the limit point: what damping does unasked goes by less than a
+    cell."""
     scene, move = door_seal()
-    crown = {"x": lambda view: view.at((0, 11.5, 0)).displacement[0]}
-    result = solve(scene, move=move, steps=steps, record=crown).require()
-    jump = int(np.abs(np.diff(result.column("x"))).argmax()) + 2
-    assert any(note.startswith(f"step {jump} ") and "passed through a snap" in note for note in result.verdict.notes)
-
-
-@pytest.mark.slow
-def test_a_seal_that_damping_is_not_asked_for_does_not_tip_over_in_its_name():
-    """A node's statuses repeat in front of the limit point: what jumps to where it sticks goes by less than a cell."""
-    scene, move = door_seal()
-    failed = solve(scene, move=move, steps=36)
+    failed = solve(scene, move=move, steps=steps)
     assert failed.verdict.kind == LIMIT_POINT and "Method(damping=True)" in failed.verdict.remedy, failed.verdict.reason
+    crown = {"x": lambda view: view.at((0, 11.5, 0)).displacement[0]}
+    tipped = solve(scene, move=move, steps=steps, record=crown, method=Method(damping=True)).require()
+    jump = int(np.abs(np.diff(tipped.column("x"))).argmax()) + 2
+    assert any(note.startswith(f"step {jump} ") and "the state jumped" in note for note in tipped.verdict.notes)
+    assert abs(tipped.column("x")[-1]) == pytest.approx(7.79, rel=1e-3)  # either way, as without friction: 7.8
 
 
 def test_no_arc_length_is_named_where_springs_are_asked_for():
@@ -560,8 +564,11 @@ def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
     assert result.column("balance_error_N")[-1] < 1e-6 * result.column("slot_load_N")[-1]
 
 
+STUMBLES = [0.2, 0.4, 0.6, 0.7, 0.8, 0.9]  # the block, in one step of these
+
+
 def test_a_run_resumed_after_an_unasked_jump_equals_a_continuous_one(tmp_path):
-    folder, times = COMM.bcast(tmp_path), [0.2, 0.4, 0.6, 0.7, 0.8, 0.9]
+    folder, times = COMM.bcast(tmp_path), STUMBLES
     tight, kept = Method(tolerance=1e-11), Output(folder / "parts", checkpoint=True)
     whole = solve(stumbling(None)[0], steps=times, method=tight, out=Output(folder / "whole", checkpoint=True)).require()
     begun = solve(stumbling(None)[0], steps=times[:-1], method=tight, out=kept).require()
@@ -574,7 +581,7 @@ def test_a_run_resumed_after_an_unasked_jump_equals_a_continuous_one(tmp_path):
 
 def test_a_jump_of_more_than_a_cell_is_not_taken_unasked(monkeypatch):
     monkeypatch.setattr(control, "jump", partial(jump_by, control.jump, 1e-4))
-    ended = solve(stumbling(None)[0], steps=5)
+    ended = solve(stumbling(None)[0], steps=STUMBLES)
     assert not ended.converged and "solve(..., method=Method(damping=True))" in ended.verdict.remedy
     assert not ended.summary["damping"]
 

@@ -170,6 +170,10 @@ class MortarPartner(OnFacets):
         further = np.where(status == SLIP, 2.0, 1.0)[:, None]
         return np.column_stack([trial.history.carried_on(share), further * averaged[1]]).ravel()
 
+    def ahead(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
+        """Not looked for: `foreseen` tells what has turned, and no increment is shortened."""
+        return np.empty((0, 2))
+
     def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
         """Sums over this rank's samples of what acts aside, a vector of nodes in facets at the slave's ends and creases and
         one of all, then of the load, a vector and its size, (10,) [force]: of forces the part across the master's normal,

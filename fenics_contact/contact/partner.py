@@ -209,6 +209,10 @@ class PointPressures:
         """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""
         return trial.history.carried_on(share)
 
+    def ahead(self, feet: Any, before: Any, trial: Trial) -> Floats:
+        """See `ContactPartner.ahead`: not looked for."""
+        return np.empty((0, 2))
+
     def lean(self, feet: Any, trial: Trial) -> Floats:
         """Nothing: it is asked of averages alone."""
         return np.zeros(10)

@@ -1,5 +1,7 @@
 """An analytic rigid tool as a contact's master: forces, their tangent, and what it holds."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks, tool_blocks
@@ -14,11 +16,18 @@ from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
-from fenics_contact.kernels.status import OPEN
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.types import Array, Bools, Floats, Ints
 
 WAYS = tuple(0.5**k for k in range(6))  # of the slave's size, of a body that is looked at whether it runs into a tool
 NEARER = 1e-3  # of its way: what comes nearer by less goes along the tool
+
+
+class Linearised(NamedTuple):
+    """What a tangent knew: where the points were, and what they did there."""
+
+    feet: RigidFeet
+    response: Response
 
 
 class RigidPartner(PointPressures):
@@ -83,18 +92,27 @@ class RigidPartner(PointPressures):
         motions = feet.pose.motions(x).reshape(ne, 3 * k, 6)
         rates = (K @ motions).reshape(-1, 3, 6), (K.transpose(0, 2, 1) @ motions).reshape(-1, 3, 6).transpose(0, 2, 1)
         tool = tool_blocks(self.index, feet.pose, nodes.ravel(), (x, forces), rates)
-        return Blocks(cells=(nodes, K), tool=tool, at=feet)
+        return Blocks(cells=(nodes, K), tool=tool, at=Linearised(feet, response))
 
     def couplings(self, feet: RigidFeet, trial: Trial) -> None:
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
 
-    def foreseen(self, feet: RigidFeet, before: RigidFeet, trial: Trial) -> Floats:
-        """Gaps (ne nq,) at these places, shifts added, were the tool as flat as it is before each point at the places
-        `before`."""
-        then, now = (np.einsum("eqk,ekc->eqc", self.surface.a, at.x) for at in (before, feet))
-        back = before.pose.place + (now - feet.pose.place) @ feet.pose.turn @ before.pose.turn.T  # with the tool
-        rise = np.einsum("eqc,eqc->eq", self.places.normals(before), back - then)
-        return (self.response(before, trial).gap + rise + trial.history.shift).ravel()
+    def foreseen(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
+        """Gaps (ne nq,) at these places, shifts added, were the tool as flat as it is before each point at those of the
+        tangent `before`."""
+        then, now = (np.einsum("eqk,ekc->eqc", self.surface.a, at.x) for at in (before.feet, feet))
+        back = before.feet.pose.place + (now - feet.pose.place) @ feet.pose.turn @ before.feet.pose.turn.T  # with the tool
+        rise = np.einsum("eqc,eqc->eq", self.places.normals(before.feet), back - then)
+        return (before.response.gap + rise + trial.history.shift).ravel()
+
+    def ahead(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
+        """See `ContactPartner.ahead`: of the ways that decide what sticks, in the tool's frame."""
+        normals, traction, status = self.places.normals(before.feet), before.response.traction, before.response.status
+        rubbed = traction - np.einsum("eqc,eqc->eq", traction, normals)[..., None] * normals
+        rubbed, anchors = rubbed @ self.places.axes(before.feet.pose), trial.history.anchors[0]
+        ways = [self.anchors.here(at, trial)[0] - anchors for at in (before.feet, feet)]
+        ahead = np.stack([np.einsum("eqc,eqc->eq", rubbed, way) for way in ways], axis=-1)
+        return np.concatenate([ahead[status == SLIP], np.zeros((int((status == STICK).any()), 2))])
 
     @property
     def nodes(self) -> Ints:

@@ -214,8 +214,10 @@ class Newton:
 
         Where no part lowers it, as of nearly incompressible cells carried far, and there is no contact, all of it is taken.
         Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
-        hundredth of a tangent solve.
+        hundredth of a tangent solve. Where all points slip and some turn on its way it ends where the first does.
         """
+        if not strict and (turn := self._to_turn(system, du, dq)) != 0.0:
+            return upright(_move(system, du, dq, 1.0, turn))
         share, whole = 1.0, size
         while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
             shorter = _move(system, du, dq, share, 0.5 * share)
@@ -228,6 +230,24 @@ class Newton:
             if size > before and np.isfinite(whole) and not system.contacts:
                 size = _move(system, du, dq, share, 1.0)
         return upright(size)
+
+    def _to_turn(self, system: System, du: Vec, dq: Floats) -> float:
+        """The share of an increment after which the first point has slid back to where it sticks; 0: none has.
+
+        The tangent holds the direction in which a point slips. Where all slip, nothing but the body's own stiffness may hold
+        it, which may be all but zero: far along such an increment many points have turned at once, and no half of it lowers
+        the out-of-balance force. The first one to turn sticks in the next tangent and holds the body. Where the stiffness is
+        below zero the increment leads against the force, and the body goes the other way until friction holds it.
+        """
+        onwards, back = system.foresight.first_turns(system.state)
+        if min(onwards, back) >= 1.0:
+            return 0.0
+        _move(system, du, dq, 1.0, 0.0)
+        free = system.tools.free
+        gained = du.dot(system.residual_vector) + np.vdot(system.tool_residual[free], dq[free])
+        _move(system, du, dq, 0.0, 1.0)
+        turn = onwards if gained < 0.0 else -back
+        return turn if abs(turn) < 1.0 else 0.0
 
 
 def _cut_back(system: System, t: float) -> bool:
