@@ -75,14 +75,19 @@ class Forces:
 
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
+        limits, shares = self._allowed(state)
+        return limits * shares
+
+    def _allowed(self, state: State) -> tuple[Floats, Floats]:
         contact = self._contact
         law = contact.partner.friction(contact.places.feet(state), contact.trial)
         return allowed(law, *self.split_traction(state))
 
-    def rubs(self, state: State) -> Floats:
-        """The same, times what friction does more on ways in other planes than those of the slave's facets."""
-        power = self._contact.response(state).power
-        return self.limits(state) * (1.0 if power is None else power)
+    def rubs(self, state: State) -> tuple[Floats, Floats]:
+        """Limits (ne, nq) of friction, times what it does more on ways in other planes than those of the slave's facets, and
+        the shares (ne, nq) of them that it may have in its directions [pressure, per reference area; 1]."""
+        power, (limits, shares) = self._contact.response(state).power, self._allowed(state)
+        return limits * (1.0 if power is None else power), shares
 
     def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
         """Add what the pressures alone give, friction apart; returns this rank's energy in their penalties."""

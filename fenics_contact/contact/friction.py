@@ -141,8 +141,9 @@ def turned(friction: Friction, pose: Pose | None) -> Friction:
     return friction._replace(along=(float(x), float(y), float(z)))
 
 
-def allowed(friction: Friction, pressure: Floats, traction: Floats) -> Floats:
-    """Largest sizes [pressure] of friction tractions (..., 3) in the directions they have, under pressures (...)."""
-    limits = np.empty(pressure.size)
-    friction_limits(friction, pressure.ravel(), np.ascontiguousarray(traction.reshape(-1, 3)), limits)
-    return limits.reshape(pressure.shape)
+def allowed(friction: Friction, pressure: Floats, traction: Floats) -> tuple[Floats, Floats]:
+    """Limits [pressure] of friction under pressures (...), and the shares (...) of them that the sizes of friction tractions
+    (..., 3) may have in their directions: those of an ellipse where friction has two."""
+    limits, shares = np.empty((2, pressure.size))
+    friction_limits(friction, pressure.ravel(), np.ascontiguousarray(traction.reshape(-1, 3)), limits, shares)
+    return limits.reshape(pressure.shape), shares.reshape(pressure.shape)

@@ -58,8 +58,10 @@ class Multipliers:
         if not trial.rough:
             return trial
         pull = contact.forces.split_traction(state, trial.with_friction(ENDLESS))[1]
-        limit = allowed(contact.partner.friction(feet, trial), contact.forces.split_traction(state, before)[0], pull)
-        np.divide(CLEAR * np.linalg.norm(pull, axis=2), limit, out=wide, where=(found.status == STICK) & (limit > 0.0))
+        pressure = contact.forces.split_traction(state, before)[0]
+        limits, shares = allowed(contact.partner.friction(feet, trial), pressure, pull)
+        pull, most = np.linalg.norm(pull, axis=2), limits * shares
+        np.divide(CLEAR * pull, most, out=wide, where=(found.status == STICK) & (most > 0.0))
         wide = np.where(found.status == SLIP, slipping, np.maximum(wide, 1.0))
         return trial.judging(contact.partner.deciding(feet, before, trial, gaps, wide))
 

@@ -142,13 +142,14 @@ def strength_taken(friction: Friction, t: Vector) -> float:
 
 
 @njit(cache=True)
-def friction_limits(friction: Friction, pressures: Floats, tractions: Floats, limits: Floats) -> None:
-    """Fill limits (n,) of the sizes of friction tractions (n, 3), in the directions they have, under pressures (n,)."""
+def friction_limits(friction: Friction, pressures: Floats, tractions: Floats, limits: Floats, shares: Floats) -> None:
+    """Fill limits (n,) of friction under pressures (n,), and the shares (n,) of them that the sizes of friction tractions
+    (n, 3) may have in their directions."""
     for i in range(len(limits)):
-        t, limits[i] = row(tractions, i), friction_limit(friction, pressures[i])[0]
+        t, limits[i], shares[i] = row(tractions, i), friction_limit(friction, pressures[i])[0], 1.0
         taken = strength_taken(friction_at(friction, i), t)
         if taken > 0.0:
-            limits[i] *= norm(t) / taken
+            shares[i] = norm(t) / taken
 
 
 @njit(cache=True)

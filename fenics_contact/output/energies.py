@@ -40,19 +40,22 @@ class Energies:
 
 @dataclass(frozen=True)
 class _Rubbing:
-    """Of a contact's points (ne, nq): friction tractions that do the work at most; ways on which they have; areas."""
+    """Of a contact's points (ne, nq): limits of friction, and the shares of them that it may have in its directions; ways on
+    which it has done work; areas."""
 
     limit: Floats
+    share: Floats
     way: Floats
     area: Floats
 
     @classmethod
     def of(cls, contact: ContactTerm, state: State) -> "_Rubbing":
-        return cls(contact.forces.rubs(state), contact.trial.history.rubbed, contact.surface.area)
+        return cls(*contact.forces.rubs(state), contact.trial.history.rubbed, contact.surface.area)
 
     def work(self, last: "_Rubbing") -> float:
-        """Of friction since the last state: what slides does so at the limit."""
-        return float((0.5 * (self.limit + last.limit) * (self.way - last.way) * self.area).sum())
+        """Of friction since the last state: what slides does so at the limit in the direction in which it ends. That of
+        friction which stuck before was another."""
+        return float((0.5 * (self.limit + last.limit) * self.share * (self.way - last.way) * self.area).sum())
 
 
 @dataclass(frozen=True)
