@@ -3,6 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
+from drawn import ring
 from mpi4py import MPI
 from taylor import foreseen_left, orders, random_way, remainders
 from test_two_bodies import EXACT, RUBBER, blocks, deformed, roughened, stacked
@@ -10,6 +11,8 @@ from test_two_bodies import EXACT, RUBBER, blocks, deformed, roughened, stacked
 from demos import ironing
 from fenics_contact import (
     Body,
+    Motion,
+    Output,
     Penalty,
     Scene,
     SceneError,
@@ -19,6 +22,7 @@ from fenics_contact import (
     mooney_rivlin,
     neo_hooke,
     read_gmsh,
+    rigid_hub,
     rigid_plane,
     solve,
 )
@@ -542,3 +546,31 @@ def test_a_frictionless_indenter_is_drawn_along():
     assert result.system.contacts[0].findings.trouble(result.system.state) is None
     along, down = (result.column(f"c_force_{axis}_N")[late] for axis in "xy")
     assert np.abs(along / down).max() < 0.01
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("cells, told", [((2, 3), True), ((3, 4), True), ((6, 8), False)])
+def test_torque_that_bent_patches_of_nodes_lose_is_told(cells, told):
+    """A ring swells in another one, which then turns: M = mu N r, less 1 - (sin x / x)^2, x = pi/n, of n facets."""
+
+    def draw():
+        ring("inner", 0.0, (0.5, 1.0), (3, cells[0]), ("bore", "outside"))
+        ring("outer", 0.0, (1.0, 1.5), (3, cells[1]), ("inside", "rim"))
+        gmsh.model.mesh.setOrder(2)
+
+    inner, outer = neo_hooke(1.0, 3.0), neo_hooke(1e4, 3e4)
+    mesh = read_gmsh(draw)
+    scene = Scene(Body(mesh, "inner", inner), Body(mesh, "outer", outer), plane="strain", degree=2)
+    hub, rim = rigid_hub("hub", (0, 0, 0)), rigid_hub("rim", (0, 0, 0))
+    scene.tie("bore", hub)
+    scene.tie("rim", rim)
+    scene.swell("inner", 1.06)
+    scene.contact("outside", "inside", friction=0.3, name="c")
+    stages = [Stage("fit", steps=2), Stage("turn", move={rim: Motion(rz=0.3)}, steps=2)]
+    result = solve(scene, stages=stages, out=Output(progress=False)).require()
+    load, area, moment = (result.column(name)[-1] for name in ("c_load_N", "c_area_mm2", "rim_moment_z_Nmm"))
+    x = np.pi / (4 * cells[0])
+    lost = 1.0 - (np.sin(x) / x) ** 2
+    assert abs(moment) / (0.3 * load * area / (2.0 * np.pi)) == pytest.approx(1.0 - lost, rel=2e-3)
+    said = [float(note.split("bent along it: ")[1].split()[0]) for note in result.verdict.notes if "bent along it" in note]
+    assert said == ([pytest.approx(lost, rel=0.03)] if told else [])

@@ -42,6 +42,7 @@ LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of
 # touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002 of the load, with 0.12 they are
 # off by 0.04
 ASIDE = 0.005
+BENT = 0.01  # of the friction of nodes that slip
 SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
 SMOOTH = "let the side without that edge be the slave"
 ROUND = "round the edge, with cells of a quarter of its radius"
@@ -92,14 +93,15 @@ def _led_note(contact: Contact, state: State, noise: float) -> Remark | None:
     )
 
 
-def _lean(contact: Contact, state: State) -> tuple[float, float]:
+def _lean(contact: Contact, state: State) -> tuple[float, float, float]:
     """Shares of the contact's load by which the tangential force, that acts by the slave's normals, would change by the
-    master's: where an edge of the slave touches, and all over. Collective."""
+    master's: where an edge of the slave touches, and all over; and the share of the friction of nodes that slip which is
+    across the planes of their samples. Collective."""
     sums = state.comm.allreduce(contact.led.lean(state))
-    size = sums[9] if sums[9] > 0.0 else np.inf
+    size, (rubs, felt) = sums[9] if sums[9] > 0.0 else np.inf, sums[10:]
     *aside, load = sums[:9].reshape(3, 3) / size
     at_ends, all_over = np.linalg.norm(aside @ (np.eye(3) - np.outer(load, load)), axis=1)
-    return float(at_ends), float(all_over)
+    return float(at_ends), float(all_over), float((rubs - felt) / rubs) if rubs > 0.0 else 0.0
 
 
 def _degrees(lean: float) -> str:
@@ -109,11 +111,10 @@ def _degrees(lean: float) -> str:
 
 def _lean_note(contact: Contact, state: State) -> Remark | None:
     """None, or that contact acts by normals of the slave which are not the master's. Collective."""
-    (at_ends, all_over), comm = _lean(contact, state), state.comm
+    at_ends, all_over, _ = _lean(contact, state)
     if max(at_ends, all_over) <= ASIDE:
         return None
-    status = contact.response(state).status
-    sticks, slips = comm.allreduce(np.array([np.count_nonzero(status == STICK), np.count_nonzero(status == SLIP)]))
+    sticks, slips = _moves(contact, state)
     slides = contact.rough and slips >= SEVERAL and not sticks
     text = f"contact '{contact.name}': it acts by normals of the slave that lean from those of '{contact.master_name}'"
     if at_ends > (ASIDE if slides else LEANS):
@@ -130,6 +131,26 @@ def _lean_note(contact: Contact, state: State) -> Remark | None:
             f"by up to {all_over:.2g} of the load, changing as these pass; {ROUND}, or finer cells on what is round",
         )
     return None
+
+
+def _moves(contact: Contact, state: State) -> tuple[int, int]:
+    """How many points or nodes stick, and how many slip. Collective."""
+    status = contact.response(state).status
+    sticks, slips = state.comm.allreduce(np.array([np.count_nonzero(status == STICK), np.count_nonzero(status == SLIP)]))
+    return int(sticks), int(slips)
+
+
+def _bent_note(contact: Contact, state: State) -> Remark | None:
+    """None, or that friction is lost where the patch of a node, in which it has one direction, is bent. Collective."""
+    lost = _lean(contact, state)[2]
+    if lost <= BENT or _moves(contact, state)[1] < SEVERAL:
+        return None
+    return Remark(
+        lost,
+        f"contact '{contact.name}': friction has one direction in the patch of a slave node, whose facets are bent along "
+        f"it: {lost:.2g} of it acts across them, and so much of its moment and work is missing; take finer cells on what is "
+        "round, or points=3 (Gauss points)",
+    )
 
 
 def _edge_note(contact: Contact, state: State) -> Remark | None:
@@ -313,6 +334,7 @@ class Findings:
             "led in": led_in_note,
             "leans": _lean_note,
             "edges": _edge_note,
+            "bent": _bent_note,
         }
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
 
@@ -335,7 +357,7 @@ class Findings:
 
     def pressing_edge(self, state: State) -> Finding | None:
         """An edge of the slave is what touches."""
-        contact, (lean, _) = self._contact, _lean(self._contact, state)
+        contact, (lean, *_) = self._contact, _lean(self._contact, state)
         if lean <= LEANS:
             return None
         text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {_degrees(lean)}"

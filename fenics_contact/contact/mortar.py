@@ -176,8 +176,9 @@ class MortarPartner(OnFacets):
 
     def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
         """Sums over this rank's samples of what acts aside, a vector of nodes in facets at the slave's ends and creases and
-        one of all, then of the load, a vector and its size, (10,) [force]: of forces the part across the master's normal,
-        and where nodes slip what that lacks of friction's law by the part along it, the load.
+        one of all, then of the load, a vector and its size, and, where nodes slip that press along their own normals, of
+        friction as they have it and as their samples do, (12,) [force]. Aside: of forces the part across the master's
+        normal, and where nodes slip what that lacks of friction's law by the part along it, the load.
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
@@ -199,9 +200,11 @@ class MortarPartner(OnFacets):
         size = np.maximum(p * np.linalg.norm(rubs, axis=2), 1e-300)
         law = (np.where(slips, np.linalg.norm(t, axis=2), 0.0) / size)[..., None] * load * rubs
         apart = np.where(p[..., None] > 0.0, apart + law, 0.0)
+        slid = np.where((slips & (slaves.leans[facet] == 0.0))[..., None], t, 0.0)
+        felt = [np.linalg.norm(part, axis=2).sum() for part in (slid, slid - _dot(ours, slid) * ours)]
         near = np.isin(number, np.unique(around.number[around.tips.any(axis=1)]))
         all_over = [part.sum(axis=(0, 1)) for part in (apart, load * theirs)]
-        return np.concatenate([apart[near].sum(axis=0), *all_over, [load.sum()]])
+        return np.concatenate([apart[near].sum(axis=0), *all_over, [load.sum()], felt])
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
