@@ -33,6 +33,10 @@ class StepFailed(RuntimeError):
         return cls(finding.reason, finding.kind, finding.place, finding.remedy)
 
 
+def _overcome(note: str) -> bool:
+    return any(words in note for words in OVERCOME)
+
+
 @dataclass
 class Verdict:
     """How a run ended.
@@ -106,7 +110,12 @@ class Verdict:
 
     def order(self) -> None:
         """Put the notes on what changes the result before those on what was overcome."""
-        self.notes.sort(key=lambda note: any(words in note for words in OVERCOME))
+        self.notes.sort(key=_overcome)
+
+    @property
+    def doubts(self) -> list[str]:
+        """The notes on what changes the result, without those on what was overcome."""
+        return [note for note in self.notes if not _overcome(note)]
 
     def accept(self, report: StepReport, system: System) -> None:
         """A step has been accepted, which took what its report says; terms may remark on the state. Collective."""

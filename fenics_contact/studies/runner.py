@@ -29,11 +29,14 @@ from fenics_contact.scene.stage import ARC_LENGTH
 from fenics_contact.scene.targets import Load
 from fenics_contact.solvers.course import ArcSteps
 
-# What a run leaves beside its parameters; empty where it does not apply. busy: share of the wall time on the processor.
+# What a run leaves beside its parameters; empty where it does not apply. notes: those on the result, as a run prints them,
+# without those on what it overcame; busy: share of the wall time on the processor.
 METRICS = (
-    "error", "value", "converged", "verdict", "t_reached", "iterations", "cut_backs", "unknowns", "seconds",
+    "error", "value", "converged", "verdict", "notes", "t_reached", "iterations", "cut_backs", "unknowns", "seconds",
     "busy", "seconds_bulk", "seconds_contact", "seconds_linear", "memory_MB", "processes", "machine", "versions",
 )  # fmt: skip
+
+BETWEEN = " | "  # notes of a row
 
 Run = dict[str, Any]  # parameters of a run, as JSON knows them
 Row = dict[str, Any]  # these and METRICS
@@ -125,6 +128,7 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
             "value": value,
             "converged": verdict.converged,
             "verdict": verdict.kind,
+            "notes": BETWEEN.join(verdict.doubts),
             "t_reached": verdict.t,
             "iterations": verdict.iterations,
             "cut_backs": verdict.cuts,

@@ -42,6 +42,11 @@ def failure(row: Row) -> str:
     return next((words for part, words in FAILURES.items() if part in verdict), " ".join(verdict.split()[:2])[:14])
 
 
+def noted(row: Row) -> bool:
+    """Whether a run converged with notes on its result; tables of before these were kept know of none."""
+    return row["converged"] is True and bool(row.get("notes"))
+
+
 def iterations(row: Row) -> str:
     """The text of a converged run's field."""
     return f"{row['iterations']:g}" + (
@@ -63,9 +68,10 @@ def stability_map(
 ) -> None:
     """Draw where a method converges, and with how many iterations, over two parameters; a panel per value of a third.
 
-    Failed runs are hatched, with the t they reached and how they failed. text(row): what a converged field says; wrong(row):
-    whether it converged to something wrong, which is framed; names: {parameter: axis label with unit}. As wide as a page,
-    panels below one another. StudyError for rows that do not know their iterations.
+    Failed runs are hatched, with the t they reached and how they failed; those with notes on their results have a dotted
+    frame. text(row): what a converged field says; wrong(row): whether it converged to something wrong, which is framed;
+    names: {parameter: axis label with unit}. As wide as a page, panels below one another. StudyError for rows that do not
+    know their iterations.
     """
     names = names or {}
     panels = list(dict.fromkeys(row[panel] for row in rows)) if panel else [None]
@@ -90,7 +96,8 @@ def stability_map(
         axes.tick_params(labelsize=LETTERS)
     axes.set_xlabel(names.get(x, x.replace("_", " ")), fontsize=LETTERS)
     bar = figure.colorbar(picture, ax=figure.axes, location="bottom", aspect=50, shrink=0.8)
-    bar.set_label("tangent solves (hatched: failed)", size=LETTERS)
+    dotted = ", dotted frame: with notes" if any(map(noted, rows)) else ""
+    bar.set_label(f"tangent solves (hatched: failed{dotted})", size=LETTERS)
     even = [m * 10**n for n in range(5) for m in (1, 2, 5) if norm.vmin <= m * 10**n <= norm.vmax]
     ticks = even if len(even) > 1 else [norm.vmin, norm.vmax]
     bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks])
@@ -111,8 +118,8 @@ def _field(
     i, j = place
     if row["converged"] is True:
         words, colour = text(row), "white" if norm(row["iterations"]) > 0.5 else "black"
-        if wrong(row):
-            axes.add_patch(_frame(i, j))
+        if wrong(row) or noted(row):
+            axes.add_patch(_frame(i, j, "-" if wrong(row) else ":"))
     else:
         reached = f"t={row['t_reached']:.2f}" if isinstance(row["t_reached"], float | int) else ""
         words, colour = f"{reached}\n{failure(row)}", "black"
@@ -122,8 +129,8 @@ def _field(
     axes.text(j, i, words, ha="center", va="center", fontsize=8, linespacing=0.95, color=colour, **behind)
 
 
-def _frame(i: int, j: int) -> "Rectangle":
-    return patches.Rectangle((j - 0.45, i - 0.42), 0.9, 0.84, fill=False, edgecolor=WRONG, linewidth=2)
+def _frame(i: int, j: int, line: str) -> "Rectangle":
+    return patches.Rectangle((j - 0.45, i - 0.42), 0.9, 0.84, fill=False, edgecolor=WRONG, linewidth=2, linestyle=line)
 
 
 def short(value: Any) -> str:

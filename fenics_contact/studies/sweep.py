@@ -1,4 +1,4 @@
-"""Curves of what a sweep's runs gave over one of its parameters, and how those ended that failed."""
+"""Curves of what a sweep's runs gave over one of its parameters, how those ended that failed, and notes of the others."""
 
 import textwrap
 from collections.abc import Sequence
@@ -11,14 +11,16 @@ from fenics_contact.output.curves import labelled, words
 from fenics_contact.output.late import cm, colors, figures, patches
 from fenics_contact.studies.charts import COLOURS, MARKERS, MOST
 from fenics_contact.studies.runner import Row, StudyError
-from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, short
+from fenics_contact.studies.stability import DOTS, LETTERS, WIDTH, noted, short
 from fenics_contact.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LISTED = 8  # failed runs named in a picture
-BAND = 0.012  # of the axis: half the width of the hatched band where a run failed
+LISTED = 8  # failed runs named in a picture, and as many with notes
+LINE = 92  # letters of a line below the panels
+BAND = 0.012  # of the axis: half the width of the band where a run failed, or has notes
+FAILED, NOTED = "////", "...."  # hatches of these bands
 
 
 def curves(
@@ -31,10 +33,12 @@ def curves(
     title: str = "",
     units: Units | None = None,
 ) -> list[str]:
-    """Draw outputs over the parameter x, a panel each, a curve for each value of `by`; returns how failed runs ended.
+    """Draw outputs over the parameter x, a panel each, a curve for each value of `by`; returns how failed runs ended, then
+    the notes of the others.
 
     More than four values of `by` are told apart by a colour scale, or by more panels where they are no numbers. At places
-    where a run failed the panel is hatched, and its verdict stands below. units: of the names, by default mm, N, MPa.
+    where a run failed the panel is hatched, and its verdict stands below; where one converged with notes on its result the
+    panel is dotted, and their beginnings stand below. units: of the names, by default mm, N, MPa.
     StudyError where rows differ in another parameter too: choose among them before.
     """
     units, values = units or Units(), _values(rows, by)
@@ -44,8 +48,11 @@ def curves(
         cm.ScalarMappable(colors.Normalize(min(values), max(values)), "viridis") if numbers and len(values) > MOST else None
     )
     groups = [values] if scale else [values[i : i + MOST] for i in range(0, len(values), MOST)]
-    said = failures(rows, [name for name in (x, by) if name])
-    foot = [line for text in _listed(said) for line in textwrap.wrap(text, 92, subsequent_indent="    ")]
+    parameters = [name for name in (x, by) if name]
+    said, doubtful = failures(rows, parameters), doubts(rows, parameters)
+    begun = [textwrap.shorten(text, LINE, placeholder=" ...") for text in doubtful]
+    listed = _listed(said, "Failed (hatched):") + _listed(begun, "With notes (dotted), in full in the table:")
+    foot = [line for text in listed for line in textwrap.wrap(text, LINE, subsequent_indent="    ")]
     panels = [(output, group) for output in outputs for group in groups]
     figure = figures.Figure(figsize=(WIDTH, 0.5 + 2.3 * len(panels) + 0.17 * len(foot)), layout="constrained")
     found = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
@@ -70,7 +77,7 @@ def curves(
     if foot:
         figure.supxlabel("\n".join(foot), fontsize=LETTERS, x=0.02, ha="left")
     figure.savefig(path, dpi=DOTS)
-    return said
+    return said + doubtful
 
 
 def failures(rows: list[Row], parameters: Sequence[str]) -> list[str]:
@@ -79,13 +86,23 @@ def failures(rows: list[Row], parameters: Sequence[str]) -> list[str]:
     for row in rows:
         if row["converged"] is not True:
             reached = f" at t = {row['t_reached']:.3g}" if isinstance(row.get("t_reached"), float | int) else ""
-            said.append(f"{', '.join(f'{name} {short(row[name])}' for name in parameters)}: {row['verdict']}{reached}")
+            said.append(f"{_place(row, parameters)}: {row['verdict']}{reached}")
     return list(dict.fromkeys(said))
 
 
-def _listed(said: list[str]) -> list[str]:
+def doubts(rows: list[Row], parameters: Sequence[str]) -> list[str]:
+    """A sentence for each run that converged with notes on its result: its parameters, and these."""
+    said = [f"{_place(row, parameters)}: {row['notes']}" for row in rows if noted(row)]
+    return list(dict.fromkeys(said))
+
+
+def _place(row: Row, parameters: Sequence[str]) -> str:
+    return ", ".join(f"{name} {short(row[name])}" for name in parameters)
+
+
+def _listed(said: list[str], title: str) -> list[str]:
     more = [f"and {len(said) - LISTED} more, in the table"] if len(said) > LISTED else []
-    return ["Failed (hatched):", *said[:LISTED], *more] if said else []
+    return [title, *said[:LISTED], *more] if said else []
 
 
 def _values(rows: list[Row], by: str | None) -> list[Any]:
@@ -123,17 +140,20 @@ def _names(axes: "Axes") -> list[str]:
 
 
 def _explain(axes: "Axes", rows: list[Row], x: str) -> None:
-    """Names of the curves, and bands where runs failed."""
+    """Names of the curves, and bands where runs failed, or have notes."""
     axes.tick_params(labelsize=LETTERS, labelbottom=True)
     axes.grid(linewidth=0.3)
-    places = [row[x] for row in rows if row["converged"] is not True]
+    failed = [row[x] for row in rows if row["converged"] is not True]
+    doubtful = [row[x] for row in rows if noted(row) and row[x] not in failed]
     handles, labels = axes.get_legend_handles_labels()
     wide = float(np.ptp([row[x] for row in rows]))  # of all panels, where one's own curves may end before a failure
     half = BAND * (wide or float(np.ptp(axes.get_xlim())))
-    for place in dict.fromkeys(places):
-        axes.axvspan(place - half, place + half, facecolor="white", edgecolor="0.6", hatch="////", linewidth=0.0, zorder=0)
-    if places:
-        handles.append(patches.Patch(facecolor="white", edgecolor="0.6", hatch="////"))
-        labels.append("failed")
+    for places, hatch, name in ((failed, FAILED, "failed"), (doubtful, NOTED, "with notes")):
+        how: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": hatch}
+        for place in dict.fromkeys(places):
+            axes.axvspan(place - half, place + half, linewidth=0.0, zorder=0, **how)
+        if places:
+            handles.append(patches.Patch(**how))
+            labels.append(name)
     if handles:
         axes.legend(handles, labels, fontsize=LETTERS, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
