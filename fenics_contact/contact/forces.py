@@ -11,10 +11,12 @@ from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import allowed
 from fenics_contact.contact.measures import contact_measures, stored_energy, within_facets
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.types import Floats, Ints
+from fenics_contact.types import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
+
+ROUNDINGS = 1e3  # of a gap, see Law: points that have come to rest without load lie within so many, which solves leave
 
 
 class Forces:
@@ -55,6 +57,20 @@ class Forces:
         """Pressures (ne, 1) up to which points touch by round-off alone: of gaps that the coordinates do not resolve."""
         law = self._contact.trial.law
         return law.eps_n[:, None] * law.touch
+
+    def idle(self, state: State) -> tuple[Bools, Bools]:
+        """Which points (n,) of this rank touch and carry no more than what solves leave of round-off, and which more."""
+        closed = self._contact.response(state).status != OPEN
+        # judged by what was foreseen, closed points may pull meanwhile
+        loaded = closed & (np.abs(self.split_traction(state)[0]) > ROUNDINGS * self.round_off())
+        return (closed & ~loaded).ravel(), loaded.ravel()
+
+    def pressed(self, state: State, points: Bools, slight: float) -> bool:
+        """Whether one of these points (n,) lies deeper than `slight` [length], and than what is round-off. Collective."""
+        trial = self._contact.trial
+        depth = -(self._contact.response(state).gap + trial.history.shift).ravel()[points]
+        deepest = max(state.comm.allgather(depth.max(initial=-np.inf)))
+        return bool(deepest > max(slight, ROUNDINGS * trial.law.touch))
 
     def status(self, state: State) -> Ints:
         """Codes (ne, nq) of kernels/status.py for results: open, too, is what presses by no more than round-off, as a node

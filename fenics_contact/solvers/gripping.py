@@ -1,4 +1,4 @@
-"""The first solve of a step: what slid in the last one slides on, or sticks and springs back."""
+"""The first solve of a step: what slid in the last one slides on, or sticks and springs back; nothing holds without load."""
 
 from collections.abc import Sequence
 
@@ -10,11 +10,12 @@ from fenics_contact.solvers.increment import solve_once
 from fenics_contact.solvers.linear import LinearSolver, Solution
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed
-from fenics_contact.types import Floats
+from fenics_contact.types import Bools, Floats
 
 GRIP = 1e6  # a friction under which all that is closed sticks
 MOSTLY = 0.5  # of the work of friction at all nodes and tools: it does so much of it in place of taking it
 NOISE = 1e-5  # of that: less work of forces is what Newton's method has left of them
+SLIGHT = 1e-8  # of how far a solve moves nodes or tools: points that lie no deeper behind it are not pressed by it
 
 Forces = tuple[Floats, Floats]  # on dofs, and wrenches on tools (tools, 6)
 
@@ -22,11 +23,17 @@ Forces = tuple[Floats, Floats]  # on dofs, and wrenches on tools (tools, 6)
 def first_solve(system: System, linear: LinearSolver, du: Floats, dq: Floats, tolerance: float = TIGHTEST) -> Solution:
     """solve_once; from the last accepted state with an eye on what slides. du, dq: the motion owed. Collective.
 
+    Points that touch and carry nothing are left out where that solve does not press them: closed, they would stick, however
+    little friction nothing allows, and a tool that moves aside or off would drag or pull the body along, far from where
+    nothing has happened. There friction of what was dragged is all the force there is, to which nothing converges.
+
     Points on the cone of friction go on sliding in this solve. Where that would have friction drive what slides, has it move
     against what the forces change by, or where nothing else holds a body or tool, the motion is about to turn: then all that
     is closed sticks in it, and the bodies spring back. Without that a tool that slid, and is pushed less from then on, is
     thrown off to where it slides the other way, or goes on as on a slope that falls.
     """
+    if (increment := _let_go(system, linear, (du, dq), tolerance)) is not None:
+        return increment
     state = system.state
     rough = [contact for contact in system.contacts if contact.rough]
     rubbing = _rubbing(system, rough) if rough else None
@@ -43,6 +50,43 @@ def first_solve(system: System, linear: LinearSolver, du: Floats, dq: Floats, to
     state.u.x.array[:], state.q[:] = start
     system.assemble_residual()
     return solve_once(system, linear, du, dq, tolerance, {c: c.trial.with_friction(GRIP) for c in rough})
+
+
+def _let_go(system: System, linear: LinearSolver, owed: tuple[Floats, Floats], tolerance: float) -> Solution | None:
+    """solve_once without the points that touch and carry nothing; None, and nothing done, where there are none, where they
+    alone may hold a body, or where they come to be pressed. Collective."""
+    state, idle = system.state, _idle(system)
+    if not idle:
+        return None
+    start = state.u.x.array.copy(), state.q.copy()
+    try:
+        increment = solve_once(system, linear, *owed, tolerance, {c: c.trial.only(~mask) for c, mask in idle.items()})
+        way = SLIGHT * system.way_from(*start)
+        if not any(contact.forces.pressed(state, mask, way) for contact, mask in idle.items()):
+            return increment
+    except StepFailed:  # they hold a body or a tool
+        pass
+    state.u.x.array[:], state.q[:] = start
+    system.assemble_residual()
+    return None
+
+
+def _idle(system: System) -> dict[ContactTerm, Bools]:
+    """{contact: which points (n,) of it touch and carry no more than rounding}, where there are such; {} too where some body
+    may be held by nothing else. Collective."""
+    state, found, bears = system.state, {}, set()
+    for contact in system.contacts:
+        idle, loaded = contact.forces.idle(state)
+        touches, carries = system.comm.allreduce(np.array([idle.any(), loaded.any()], dtype=int))
+        if touches:
+            found[contact] = idle
+        if carries:
+            bears.add(contact)
+    springs = system.grounding is not None and system.grounding.engaged
+    if not found or springs:
+        return found
+    loose = system.holds.loose(lambda contact: contact.forces.could_hold(state) if contact in bears else set())
+    return {} if loose else found
 
 
 def _rubbing(system: System, rough: Sequence[ContactTerm]) -> Forces | None:
