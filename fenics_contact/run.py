@@ -144,11 +144,12 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     travel, loads = _greatest(scene, system, kept)
     kept.remark(verdict.last_notes())
     if verdict.converged:
-        unmet = [c.findings.never_met(system.state, loads[c.name], noise) for c in system.contacts]
-        kept.remark([note for note in unmet if note])
+        unmet = _unmet(built, loads)
+        kept.remark([*unmet.values()])
+        loads = {name: load for name, load in loads.items() if name not in unmet}
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
         least = max(noise, FAINT * max(loads.values(), default=0.0))
-        loaded = [c for c in system.contacts if loads[c.name] > least]
+        loaded = [c for c in system.contacts if loads.get(c.name, 0.0) > least]
         carried = {c.name: _carried_by(c, scene, system) for c in loaded}
         kept.remark(sparse_notes(kept.history, carried, scene.units))
         within = {name: share for name, (_, share) in kept.results.within_facets.items() if name in carried}
@@ -234,6 +235,15 @@ def _greatest(scene: Scene, system: System, kept: Recorder) -> tuple[dict[str, f
     """Of all steps the greatest travels of the tools [length] and loads of the contacts [force]."""
     travels = greatest_travels(kept.history, [tool.name for tool in scene.tools], scene.units)
     return travels, greatest_loads(kept.history, [contact.name for contact in system.contacts], scene.units)
+
+
+def _unmet(built: Built, loads: Mapping[str, float]) -> dict[str, str]:
+    """{contact: what is to be said} of those that have met their master by no more than rounding; loads: the greatest of
+    each in a step [force]. Collective."""
+    system, drawn = built.system, built.beginning.as_drawn
+    unknown = system.scales.unknown
+    found = {c.name: c.findings.never_met(system.state, loads[c.name], unknown, drawn) for c in system.contacts}
+    return {name: note for name, note in found.items() if note}
 
 
 def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:

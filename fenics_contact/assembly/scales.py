@@ -5,6 +5,7 @@ import numpy as np
 from fenics_contact.types import Vec
 
 TOLERANCE = 1e-8  # out-of-balance share at which steppers call a state balanced, unless told otherwise
+UNSTRAINED = 1e-4  # of the stiffest node's resistance to the way that bodies have gone: what forces are compared with there
 ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and positions are known
 
 
@@ -49,7 +50,12 @@ class Scales:
 
         A body that moves without strain has no other scale than rounding.
         """
-        return max(self.largest, 1e-4 * self.stiffness * self.moved, self.noise / TOLERANCE)
+        return max(self.largest, UNSTRAINED * self.stiffness * self.moved, self.noise / TOLERANCE)
+
+    @property
+    def unknown(self) -> float:
+        """Force [force] that may be out of balance, though balance is found, where bodies carry none: less is not known."""
+        return max(TOLERANCE * UNSTRAINED * self.stiffness * self.farthest, self.noise)
 
     def commit(self) -> None:
         """The state is accepted. Collective."""

@@ -15,6 +15,7 @@ from fenics_contact.contact.between_facets import come_in, hidden_note, led_in_n
 from fenics_contact.contact.between_points import node_depth, nodes_deeper
 from fenics_contact.contact.coming_in import between_note, came_in, held_better, pierced, unheld
 from fenics_contact.contact.corners import cornered
+from fenics_contact.contact.forces import ROUNDINGS
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.led import LED
 from fenics_contact.kernels.quadratic import TRIANGLE
@@ -367,19 +368,23 @@ class Findings:
         """A point lies where two parts of a union meet."""
         return cornered(self._contact, state)
 
-    def never_met(self, state: State, greatest: float, noise: float) -> str | None:
+    def never_met(self, state: State, greatest: float, unknown: float, as_drawn: bool) -> str | None:
         """How far away the master is after a run in which no point has touched it but by rounding; greatest: load of a step,
-        and noise, see Scales [force]."""
+        and unknown, see Scales [force]; as_drawn: whether the run started from none, in which more had been met."""
         contact = self._contact
         comm, search = state.comm, contact.places.search
-        if comm.allreduce(int(contact.trial.history.met.sum())) and not 0.0 < greatest <= noise:
+        area = contact.surface.area
+        # a load is a sum over points, and balance knows the root of that of squares
+        points, round_off = comm.allreduce(np.array([area.size, (contact.forces.round_off() * area).sum()]))
+        known = greatest > max(np.sqrt(points) * unknown, round_off) or (greatest == 0.0 and not as_drawn)
+        if known and comm.allreduce(int(contact.trial.history.met.sum())):
             return None
         if note := unheld(contact, state) or unheld_facets(contact, state):
             return note
         nearest = min(comm.allgather(contact.response(state).gap.min(initial=np.inf)))
         beyond = "more than " if nearest >= search else ""
         ends = f"'{contact.master_name}' ends {beyond}{nearest:.3g} away"
-        if nearest <= 0.0:
+        if nearest <= ROUNDINGS * contact.trial.law.touch:
             ends = f"what touches '{contact.master_name}' carries no more than rounding"
         return (
             f"contact '{contact.name}' never closed: {ends}; see that both "

@@ -263,9 +263,9 @@ def penalty_notes(
     """A note per contact whose penalties cost more than COSTLY of its load, and per tool that is so far off by them, as a
     share of its greatest travel {name: [length]}.
 
-    greatest: of each contact the greatest load in any step [force]: one that has been let off, or barely touches, with less
-    than COSTLY of the greatest of all, has what balance and multipliers have left, of which the penalties may hold all, or
-    what matters to none; astray: contacts that end far from
+    greatest: of each contact that has met its master the greatest load in any step [force]: one that has been let off, or
+    barely touches, with less than COSTLY of the greatest of all, has what balance and multipliers have left, of which the
+    penalties may hold all, or what matters to none; astray: contacts that end far from
     their penetration=, of which no first order tells what that costs, and what to do.
 
     Where points that would pull, and open before, have most of the change, few carry, and no first order tells what the
@@ -276,6 +276,8 @@ def penalty_notes(
     """
     notes, least = [], COSTLY * max(greatest.values(), default=0.0)
     for name, e in summary.get("contacts", {}).items():
+        if name not in greatest:
+            continue
         share, load = max(e["force_change_over_load"], abs(e["load_change_over_load"])), e[f"load_{units.force}"]
         if name in astray:
             text = "its force may be far off, for it ends far from the penetration= asked for"
