@@ -91,18 +91,13 @@ class Forces:
 
     def limits(self, state: State) -> Floats:
         """Largest friction tractions (ne, nq) that the pressures allow [pressure, per reference area]."""
-        limits, shares = self._allowed(state)
+        limits, shares = _allowed(self._contact, state)
         return limits * shares
-
-    def _allowed(self, state: State) -> tuple[Floats, Floats]:
-        contact = self._contact
-        law = contact.partner.friction(contact.places.feet(state), contact.trial)
-        return allowed(law, *self.split_traction(state))
 
     def rubs(self, state: State) -> tuple[Floats, Floats]:
         """Limits (ne, nq) of friction, times what it does more on ways in other planes than those of the slave's facets, and
         the shares (ne, nq) of them that it may have in its directions [pressure, per reference area; 1]."""
-        power, (limits, shares) = self._contact.response(state).power, self._allowed(state)
+        power, (limits, shares) = self._contact.response(state).power, _allowed(self._contact, state)
         return limits * (1.0 if power is None else power), shares
 
     def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
@@ -137,3 +132,9 @@ class Forces:
     def covered(self, state: State) -> Floats:
         """Shares (ne, nq) of the points' areas that lie over the master."""
         return 1.0 - self._contact.places.bare(self._contact.places.feet(state)).reshape(self._contact.surface.area.shape)
+
+
+def _allowed(contact: Contact, state: State) -> tuple[Floats, Floats]:
+    """See `friction.allowed`, at a contact's points (ne, nq)."""
+    law = contact.partner.friction(contact.places.feet(state), contact.trial)
+    return allowed(law, *contact.forces.split_traction(state))
