@@ -53,12 +53,18 @@ def first_solve(system: System, linear: LinearSolver, du: Floats, dq: Floats, to
 
 
 def _let_go(system: System, linear: LinearSolver, owed: tuple[Floats, Floats], tolerance: float) -> Solution | None:
-    """solve_once without the points that touch and carry nothing; None, and nothing done, where there are none, where they
-    alone may hold a body, or where they come to be pressed. Collective."""
+    """solve_once without the points of contacts that touch and carry nothing; None, and nothing done, where there are none,
+    where they alone may hold a body, or where they come to be pressed, as by how far tools are to go. Collective."""
     state, idle = system.state, _idle(system)
     if not idle:
         return None
     start = state.u.x.array.copy(), state.q.copy()
+    state.q += owed[1]
+    way = SLIGHT * system.way_from(*start)
+    pressed = any(contact.forces.pressed(state, mask, way) for contact, mask in idle.items())
+    state.q[:] = start[1]
+    if pressed:
+        return None
     try:
         increment = solve_once(system, linear, *owed, tolerance, {c: c.trial.only(~mask) for c, mask in idle.items()})
         way = SLIGHT * system.way_from(*start)
@@ -72,19 +78,21 @@ def _let_go(system: System, linear: LinearSolver, owed: tuple[Floats, Floats], t
 
 
 def _idle(system: System) -> dict[ContactTerm, Bools]:
-    """{contact: which points (n,) of it touch and carry no more than rounding}, where there are such; {} too where some body
-    may be held by nothing else. Collective."""
+    """{contact: which points (n,) of it touch and carry no more than rounding}, of those where none carries more; {} too
+    where some body, or tool that forces push, may be held by nothing else. Collective."""
     state, found, bears = system.state, {}, set()
     for contact in system.contacts:
         idle, loaded = contact.forces.idle(state)
         touches, carries = system.comm.allreduce(np.array([idle.any(), loaded.any()], dtype=int))
-        if touches:
-            found[contact] = idle
         if carries:
             bears.add(contact)
+        elif touches:
+            found[contact] = idle
     springs = system.grounding is not None and system.grounding.engaged
     if not found or springs:
         return found
+    if system.tools.free.any():
+        return {}
     loose = system.holds.loose(lambda contact: contact.forces.could_hold(state) if contact in bears else set())
     return {} if loose else found
 
