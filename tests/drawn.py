@@ -1,5 +1,7 @@
 """Shapes of quadrilaterals in the plane that several tests draw, with gmsh."""
 
+import math
+
 import gmsh
 
 
@@ -13,12 +15,13 @@ def quadrilateral(name, corners, cells, sides):
     _finish([surface], {name: (2, [surface])} | {side: (1, [line]) for line, side in zip(lines, sides, strict=True)})
 
 
-def ring(name, middle, radii, cells, sides):
-    """A whole ring about the height `middle` of the y axis; cells: through its wall and along each quarter; sides: names of
-    its inner and outer one."""
+def ring(name, middle, radii, cells, sides, turn=0.0):
+    """A whole ring about the height `middle` of the y axis; cells: through its wall and along each quarter, of which the
+    first begins at the angle `turn`; sides: names of its inner and outer one."""
     geo = gmsh.model.geo
     centre = geo.addPoint(0, middle, 0)
-    ways = [(1, 0), (0, 1), (-1, 0), (0, -1)]
+    c, s = math.cos(turn), math.sin(turn)
+    ways = [(c, s), (-s, c), (-c, -s), (s, -c)]
     points = [[geo.addPoint(r * cos, middle + r * sin, 0) for cos, sin in ways] for r in radii]
     arcs = [[geo.addCircleArc(around[i], centre, around[(i + 1) % 4]) for i in range(4)] for around in points]
     spokes = [geo.addLine(*ends) for ends in zip(*points, strict=True)]

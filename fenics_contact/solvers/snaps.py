@@ -22,6 +22,7 @@ HALVINGS = 6  # of the step, to see whether it is the path or the step that goes
 # Of the step's way: a sixty-fourth of the step that has more of it is a jump. Of an even path each half has a half of it, so
 # that one halving tells where this is above a half
 MOST = 0.51
+PUSHED = 10.0  # overlaps as drawn: how far what they push apart in a first step may go
 LEAP = 10.0  # times the way that the last one foresees: with no state in between to be found, no path goes so far
 SNAP, MAYBE = "it has passed through a snap", "it may have passed through a snap"  # what a step is said to have done
 DRIVEN = "loads or drives jump"
@@ -99,9 +100,23 @@ def _snapped(system: System, goal: float, raised: bool) -> str | None:
     if found and blocked:
         found = _judged(system, stepper, before, low, high, blocked)
     system.trail.rollback()
+    if found and len(reached) == 1 and _farthest(system, low, high) <= PUSHED * _overlap(system):
+        found = ""  # what is drawn overlapping is in no balance at the start, however short the step
     if found and _drives_jump(system, (low[0], blocked or high[0]), (system.trail.last.t, goal)):
         found = DRIVEN
     return _told(system, low, high, found) if found else None
+
+
+def _overlap(system: System) -> float:
+    """How deep slaves lie in their masters at the accepted state [length]. Collective."""
+    gaps = [contact.response(system.state).gap.min(initial=0.0) for contact in system.contacts]
+    return -min(system.comm.allgather(min(gaps, default=0.0)))
+
+
+def _farthest(system: System, low: Reached, high: Reached) -> float:
+    """How far the node or tool that moves most goes between two states [length]. Collective."""
+    ways = [np.abs(after - before).max(initial=0.0) for before, after in zip(low[1], high[1], strict=True)]
+    return float(max(system.comm.allgather(max(ways))))
 
 
 def _under_old_penalties(system: System, stepper: Stepper, goal: float) -> bool:
@@ -156,9 +171,8 @@ def _strays(system: System, low: Reached, high: Reached) -> bool:
 
 def _told(system: System, low: Reached, high: Reached, found: str) -> str:
     """Words on what was found between two states. Collective."""
-    du = system.new_vector()
+    du, far = system.new_vector(), _farthest(system, low, high)
     du.array[:], dq = high[1][0] - low[1][0], high[1][1] - low[1][1]
-    far = max(system.comm.allgather(max(np.abs(way).max(initial=0.0) for way in (du.array_r, dq))))
     if found == DRIVEN:
         return (
             f"{DRIVEN} near t = {low[0]:.6g}, and the state with them by {far:.3g}: where it could come to "
