@@ -56,9 +56,8 @@ class ContactPartner(Protocol):
     def carried_on(self, trial: Trial, share: float) -> Floats: ...
 
     def ahead(self, feet: Any, before: Any, trial: Trial) -> Floats:
-        """Of the points that slipped in the tangent `before`: how far (n, 2) each lay ahead of its anchor there, and does at
-        these feet, along the friction that it had there, times its size; a row of 0 where any stuck; (0, 2): not looked
-        for."""
+        """Of the n points that slipped in the tangent `before`: how far (n, 2) each lay ahead of its anchor there, and does
+        at these feet, along the friction that it had there, times its size; (0, 2): that is not looked for."""
         ...
 
 

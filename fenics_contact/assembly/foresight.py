@@ -37,19 +37,13 @@ class Foresight:
 
     def first_turns(self, state: State) -> tuple[float, float]:
         """After which share of the way from where the last tangent was taken the first of the points that slipped in it has
-        slid back to its anchor, and after which share of the same way backwards; inf: none does. Of contacts where none
-        stuck in it: one that did holds the body. Collective."""
-        rows = np.full((len(self.contacts), 3), np.inf)
-        for row, contact in zip(rows, self.contacts, strict=True):
-            if contact in self.linearised:
-                before = self.linearised[contact]
-                start, end = contact.partner.ahead(contact.places.feet(state), before, contact.trial).T
-                lost = start - end
-                row[0] = (start[lost > 0.0] / lost[lost > 0.0]).min(initial=np.inf)
-                row[1] = (start[lost < 0.0] / -lost[lost < 0.0]).min(initial=np.inf)
-                row[2] = start.min(initial=np.inf)
-        onwards, back, least = np.min(state.comm.allgather(rows), axis=0).T
-        return float(onwards[least > 0.0].min(initial=np.inf)), float(back[least > 0.0].min(initial=np.inf))
+        slid back to its anchor, and after which share of the same way backwards; inf: none does. Collective."""
+        known = [contact for contact in self.contacts if contact in self.linearised]
+        ahead = [c.partner.ahead(c.places.feet(state), self.linearised[c], c.trial) for c in known]
+        start, end = np.concatenate([np.empty((0, 2)), *ahead]).T
+        first = [(start[lost > 0.0] / lost[lost > 0.0]).min(initial=np.inf) for lost in (start - end, end - start)]
+        onwards, back = np.min(state.comm.allgather(first), axis=0)
+        return float(onwards), float(back)
 
     def hold(self, share: float) -> None:
         """Let them take the pressures of the last accepted state, carried on by `share` of the last change, until then."""

@@ -16,7 +16,7 @@ from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
-from fenics_contact.kernels.status import OPEN, SLIP, STICK
+from fenics_contact.kernels.status import OPEN, SLIP
 from fenics_contact.types import Array, Bools, Floats, Ints
 
 WAYS = tuple(0.5**k for k in range(6))  # of the slave's size, of a body that is looked at whether it runs into a tool
@@ -107,12 +107,11 @@ class RigidPartner(PointPressures):
 
     def ahead(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
         """See `ContactPartner.ahead`: of the ways that decide what sticks, in the tool's frame."""
-        normals, traction, status = self.places.normals(before.feet), before.response.traction, before.response.status
+        normals, traction, slips = self.places.normals(before.feet), before.response.traction, before.response.status == SLIP
         rubbed = traction - np.einsum("eqc,eqc->eq", traction, normals)[..., None] * normals
         rubbed, anchors = rubbed @ self.places.axes(before.feet.pose), trial.history.anchors[0]
         ways = [self.anchors.here(at, trial)[0] - anchors for at in (before.feet, feet)]
-        ahead = np.stack([np.einsum("eqc,eqc->eq", rubbed, way) for way in ways], axis=-1)
-        return np.concatenate([ahead[status == SLIP], np.zeros((int((status == STICK).any()), 2))])
+        return np.stack([np.einsum("pc,pc->p", rubbed[slips], way[slips]) for way in ways], axis=-1)
 
     @property
     def nodes(self) -> Ints:

@@ -214,7 +214,7 @@ class Newton:
 
         Where no part lowers it, as of nearly incompressible cells carried far, and there is no contact, all of it is taken.
         Condensed unknowns follow the tangent here. strict: halve it until it does lower it. A residual costs about a
-        hundredth of a tangent solve. Where all points slip and some turn on its way it ends where the first does.
+        hundredth of a tangent solve. Where points that slip turn on its way it ends where the first one does.
         """
         if not strict and (turn := self._to_turn(system, du, dq)) != 0.0:
             return upright(_move(system, du, dq, 1.0, turn))
