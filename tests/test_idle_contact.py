@@ -3,8 +3,22 @@
 import gmsh
 import numpy as np
 import pytest
+from drawn import ring
 
-from fenics_contact import Body, Output, Result, Scene, neo_hooke, read_gmsh, rigid_plane, rigid_surface, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Output,
+    Result,
+    Scene,
+    Stage,
+    neo_hooke,
+    read_gmsh,
+    rigid_hub,
+    rigid_plane,
+    rigid_surface,
+    solve,
+)
 from fenics_contact.contact.tools import Tool
 from fenics_contact.meshes import box, rectangles
 
@@ -119,3 +133,36 @@ def test_a_light_block_that_only_its_weight_presses_rubs_by_it(weight):
     normal, along = result.column("c_force_y_N")[-1], result.column("c_force_x_N")[-1]
     assert not notes(result, "never closed")
     assert normal == pytest.approx(weight, rel=1e-6) and along == pytest.approx(MU * weight, rel=1e-6)
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_a_wheel_that_may_turn_is_carried_over_a_road_that_it_touches(steps):
+    """It does not turn (-0.2 and -0.1 rad in 1 and 2 steps, and then as much more or less where it rolls)."""
+    mesh = read_gmsh(lambda: ring("tyre", 5.0, (3.0, 5.0), (2, 8), ("bore", "tread")))
+    scene = Scene(Body(mesh, "tyre", neo_hooke(0.5, 5.0)), plane="strain")
+    hub = rigid_hub("hub", (0.0, 5.0, 0.0))
+    scene.tie("bore", hub)
+    scene.contact("tread", rigid_plane((0, 0, 0), normal=(0, 1, 0)), friction=MU, name="c")
+    stages = [
+        Stage("carry", move={hub: Motion(x=1.0, free="rz")}, steps=steps),
+        Stage("press", move={hub: Motion(y=-0.3)}, steps=4),
+        Stage("roll", move={hub: Motion(x=3.0, free="rz")}, steps=8),
+    ]
+    result = solve(scene, stages=stages, out=QUIET).require()
+    turned = result.column("hub_angle_z_rad")
+    assert np.abs(turned[:steps]).max() < 1e-9 and turned[-1] == pytest.approx(-0.5729, rel=1e-3)
+
+
+@pytest.mark.parametrize("aside", [0.0, 1.0])
+def test_what_lies_on_a_floor_without_weight_is_held_by_it_once_it_has_some(aside):
+    """Solves of a step without load leave a free body some roundings off the floor, and then nothing held it."""
+    mesh = read_gmsh(rectangles.build, rectangles={"b": ((-5.0, 0.0), (10.0, 5.0), (8, 4))})
+    scene = Scene(Body(mesh, "b", neo_hooke(0.5, 5.0)), plane="strain")
+    scene.body_force((0.0, 0.0, 0.0))
+    plane = rigid_plane((0, 0, 0), normal=(0, 1, 0), name="floor")
+    scene.contact("b_ymin", plane, friction=MU, name="c")
+    stages = [
+        Stage("weightless", move={plane: (aside, 0.0, 0.0)} if aside else {}, steps=2),
+        Stage("heavy", body_force=(0.0, -0.02, 0.0), steps=3),
+    ]
+    assert solve(scene, stages=stages, out=QUIET).require().column("c_force_y_N")[-1] == pytest.approx(1.0, rel=1e-6)

@@ -54,8 +54,10 @@ def first_solve(system: System, linear: LinearSolver, du: Floats, dq: Floats, to
 
 def _let_go(system: System, linear: LinearSolver, owed: tuple[Floats, Floats], tolerance: float) -> Solution | None:
     """solve_once without the points of contacts that touch and carry nothing; None, and nothing done, where there are none,
-    where they alone may hold a body, or where they come to be pressed, as by how far tools are to go. Collective."""
-    state, idle = system.state, _idle(system)
+    where they alone may hold a body, where nothing is driven, or where they come to be pressed, as by how far tools are to
+    go. Collective."""
+    state, driven = system.state, max(np.abs(one).max(initial=0.0) for one in owed)
+    idle = _idle(system) if max(system.comm.allgather(driven)) > 0.0 else {}
     if not idle:
         return None
     start = state.u.x.array.copy(), state.q.copy()
@@ -79,7 +81,7 @@ def _let_go(system: System, linear: LinearSolver, owed: tuple[Floats, Floats], t
 
 def _idle(system: System) -> dict[ContactTerm, Bools]:
     """{contact: which points (n,) of it touch and carry no more than rounding}, of those where none carries more; {} too
-    where some body, or tool that forces push, may be held by nothing else. Collective."""
+    where some body, or tool that has a force on it, may be held by nothing else. Collective."""
     state, found, bears = system.state, {}, set()
     for contact in system.contacts:
         idle, loaded = contact.forces.idle(state)
@@ -88,10 +90,9 @@ def _idle(system: System) -> dict[ContactTerm, Bools]:
             bears.add(contact)
         elif touches:
             found[contact] = idle
+    # springs leave a body by some roundings elsewhere, and what touches is open then
     springs = system.grounding is not None and system.grounding.engaged
-    if not found or springs:
-        return found
-    if system.tools.free.any():
+    if not found or springs or np.abs(system.tool_residual[system.tools.free]).max(initial=0.0) > system.scales.noise:
         return {}
     loose = system.holds.loose(lambda contact: contact.forces.could_hold(state) if contact in bears else set())
     return {} if loose else found
