@@ -11,9 +11,10 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.entering import Leaks
-from fenics_contact.solvers.holding import thrown, undecided
+from fenics_contact.solvers.holding import thrown
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
+from fenics_contact.solvers.undecided import undecided
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 from fenics_contact.types import Floats
 

@@ -32,10 +32,6 @@ TURNING = 0.5
 # Of what it resists where all points stick: a motion that the tangent drives by more goes on by itself. Bodies that slide on
 # a flat floor have none, but for round-off and what their own shape changes; wedges a tenth and more.
 AWAY = 0.01
-NEARLY = 0.9  # the same, of contacts that slide one instead of the other as the steps happen to fall
-PULLS = 0.1  # of the largest work of a contact: what does less has no part in a motion
-ALIKE = 0.95  # of the share of its friction that one side carries: how near the other one's must be for either to slide
-FELT = 0.02  # of the friction that contacts may carry, times the way: less work has nothing to do with their sliding
 THROWN = 0.1  # of the bodies' size: how far a tool that nothing pushes goes within a step only if it is thrown
 PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
 
@@ -85,10 +81,10 @@ def _free(system: System) -> list[tuple[str, list[str]]]:
     softness = diagonal.copy()
     softness.reciprocal()
     gram = _products(forces, softness, 1.0 / largest)
-    values, vectors = _lowest(gram, _products([motion for _, motion, _ in motions], diagonal, largest))
+    values, vectors = lowest(gram, _products([motion for _, motion, _ in motions], diagonal, largest))
     free = vectors[:, np.abs(values) < FREE]
-    parts = _parts(motions, free) if free.size else []
-    combined = [_combined(system, motions, way) for way in free.T]
+    parts = moving_parts(motions, free) if free.size else []
+    combined = [combined_motion(system, motions, way) for way in free.T]
     for i, (name, how) in enumerate(parts):
         if (point := turning_point(system, name, combined)) is not None:
             turns = ", ".join(words for words in how if words in MOVES[3:])
@@ -98,7 +94,7 @@ def _free(system: System) -> list[tuple[str, list[str]]]:
 
 def _unheld(system: System, parts: list[tuple[str, list[str]]]) -> Finding:
     """The finding that nothing holds these (owner, words). Collective."""
-    text = [f"{_kind_of_owner(system, name)} '{name}' {', '.join(how)} without resistance" for name, how in parts]
+    text = [f"{kind_of_owner(system, name)} '{name}' {', '.join(how)} without resistance" for name, how in parts]
     waiting = _open_contacts(system, {name for name, _ in parts})
     tools = [name for name, _ in parts if name in system.tools.names]
     remedy = "fix a surface or use a symmetry plane"
@@ -110,12 +106,12 @@ def _unheld(system: System, parts: list[tuple[str, list[str]]]) -> Finding:
         remedy = f"{remedy}, close the gap of {waiting}, which is open,{crossed}"
     owners: dict[str, list[str]] = {}
     for name, _ in parts:
-        owners.setdefault(_kind_of_owner(system, name), []).append(name)
+        owners.setdefault(kind_of_owner(system, name), []).append(name)
     place = ", ".join(f"{kind} '{', '.join(names)}'" for kind, names in owners.items())
     return Finding(RIGID_MOTION, " and ".join(text), place, remedy)
 
 
-def _kind_of_owner(system: System, name: str) -> str:
+def kind_of_owner(system: System, name: str) -> str:
     return "tool" if name in system.tools.names else "body"
 
 
@@ -129,7 +125,7 @@ def _products(vectors: Sequence[Motion], weights: Vec, on_tools: float) -> Float
     return out
 
 
-def _parts(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
+def moving_parts(motions: Motions, combined: Floats) -> list[tuple[str, list[str]]]:
     """Of combined motions (len(motions), n): (owner, words) of each owner that moves. Collective."""
     size = np.linalg.norm(combined, axis=1) * [motion.largest for _, motion, _ in motions]
     found: dict[str, list[tuple[float, str]]] = {}
@@ -156,7 +152,7 @@ def contacts_of(system: System, names: set[str]) -> list[ContactTerm]:
     return [contact for contact in system.contacts if contact in touching or contact.master_name in names]
 
 
-def _lowest(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def lowest(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """Eigenvalues and vectors of the symmetric part of energy against weight."""
     reduced, axes = _against(energy, weight)
     values, vectors = np.linalg.eigh(0.5 * (reduced + reduced.T))
@@ -185,16 +181,16 @@ def sliding(system: System, rest: float = HELD, asked: bool = False) -> Finding 
     if not near:
         return None
     motions = rigid_motions(system)
-    stuck = _energies(system, rough, motions, {})
+    stuck = energies(system, rough, motions, {})
     held = _relying(system, rough, motions, stuck, rough, rest)[0]
-    used = _spent(system, near, [_combined(system, motions, way) for way in held.T], asked)
+    used = _spent(system, near, [combined_motion(system, motions, way) for way in held.T], asked)
     if not used:
         return None
     held, values = _relying(system, rough, motions, stuck, list(used), rest)
     if not held.size:
         return None
     loose = _reliant(system).union(system.tools.names)
-    if rest == HELD and not any(name in loose for name, _ in _parts(motions, held)):
+    if rest == HELD and not any(name in loose for name, _ in moving_parts(motions, held)):
         return None  # supports hold them, though more softly than endless friction would
     how = "friction alone holds" if rest == HELD else f"friction gives all but {np.abs(values).min():.0%} of what holds"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
@@ -209,7 +205,7 @@ def slipping_away(system: System) -> Finding | None:
     if not used:
         return None
     motions = rigid_motions(system)
-    now, stuck = _resisted(system, motions, {}), _energies(system, rough, motions, {})
+    now, stuck = resisted(system, motions, {}), energies(system, rough, motions, {})
     reduced, axes = _against(now, stuck)
     # of slip the tangent is not symmetric, and its symmetric part is indefinite where the eigenvalues are not
     values, vectors = np.linalg.eig(reduced)
@@ -252,7 +248,7 @@ def _relying(
 
     stuck: works of the motions if all points stick; without: these contacts.
     """
-    values, vectors = _lowest(_energies(system, rough, motions, dict.fromkeys(without, 0.0)), stuck)
+    values, vectors = lowest(energies(system, rough, motions, dict.fromkeys(without, 0.0)), stuck)
     return vectors[:, np.abs(values) < rest], values
 
 
@@ -261,7 +257,7 @@ def _slides(
 ) -> Finding | None:
     """The finding that friction, used up in these contacts, holds combinations of motions: in words how, and what follows
     where a load pushes; None where none does and nothing is left to try, or where these have no part in it. Collective."""
-    owners = [name for name, _ in _parts(motions, held)]
+    owners = [name for name, _ in moving_parts(motions, held)]
     contacts = [contact for contact in contacts_of(system, set(owners)) if contact in used]
     if not contacts:
         return None
@@ -269,10 +265,10 @@ def _slides(
     reliant = _reliant(system)
     # a body that supports hold, if more softly than endless friction would, goes with what they do not
     loose = [name for name in owners if name in reliant or name in system.tools.names or _carried_by(system, name, owners)]
-    names = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name in loose or owners)
+    names = ", ".join(f"{kind_of_owner(system, name)} '{name}'" for name in loose or owners)
     where = ", ".join(f"contact '{contact.name}'" for contact in contacts)
     text = f"{how} {names}, and it is used up: T / (mu N) = {taken / most:.3g}"
-    if not _pushed(system, motions, held):
+    if not pushed(system, motions, held):
         springs = reliant.issuperset(owners) and not (system.stabilised or system.damped)
         remedy = " or ".join((["solve(..., method=Method(stabilise=True))"] if springs else []) + damping(system))
         return Finding(SLIDES, f"{text}; no load pushes it: it slides along what moves", where, remedy) if remedy else None
@@ -292,52 +288,7 @@ def _carried_by(system: System, body: str, names: Collection[str]) -> bool:
     return bool(system.comm.allreduce(sum(int(np.isin(nodes, of).sum()) for of in tied)))
 
 
-def undecided(system: System, told: Collection[str]) -> dict[str, str]:
-    """{place: a note} of contacts that hold bodies or free tools between them, no load against them, and that have all but
-    used up their friction: on the way that what moves prescribes one of them must slide, and hardly anything says which.
-
-    Then a rigid motion of what they hold on which they pull against each other, and no load pulls, is resisted by little of
-    what would resist it if all points stuck, or less than nothing. told: places that have had theirs. Collective.
-    """
-    if not (system.holds.reliant or system.tools.free.any()):
-        return {}
-    rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
-    grips = [system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough]
-    least = ALLOWED * system.scales.largest
-    near = [i for i, (taken, most) in enumerate(grips) if taken > NEARLY * most > NEARLY * least]
-    if len(near) < 2 or all(any(f"'{rough[i].name}'" in place for place in told) for i in near):
-        return {}
-    motions = rigid_motions(system)
-    now, stuck = _resisted(system, motions, {}), _energies(system, rough, motions, {})
-    values, vectors = _lowest(now, stuck)
-    works = np.array([_works(system, [rough[i]], motions) for i in near])
-    found = {}
-    most = np.array([grips[i][1] for i in near])
-    for motion in vectors[:, values < MOSTLY].T:
-        work = works @ motion
-        pulls = np.abs(work) > PULLS * np.abs(work).max()
-        # of what each side may carry along that way: the side that carries more of it slides
-        sides = [
-            abs(work[side].sum()) / most[side].sum() for side in (pulls & (work > 0.0), pulls & (work < 0.0)) if side.any()
-        ]
-        felt = max(sides) > FELT * _combined(system, motions, motion).largest
-        if len(sides) < 2 or not felt or min(sides) < ALIKE * max(sides) or _pushed(system, motions, motion[:, None]):
-            continue
-        pulling = [i for i, one in zip(near, pulls, strict=True) if one]
-        place = "contacts " + " and ".join(f"'{rough[i].name}'" for i in pulling)
-        held = _parts(motions, motion[:, None])
-        owners = ", ".join(f"{_kind_of_owner(system, name)} '{name}'" for name, _ in held)
-        shares = ", ".join(f"{grips[i][0] / grips[i][1]:.3f}" for i in pulling)
-        if place not in told:
-            found[place] = (
-                f"{place} hold {owners}, and the friction of all of them is all but used up, T / (mu N) = {shares}: "
-                "the path may branch here, for hardly anything says which of them slides; compare with twice the steps, "
-                f"hold {owners} along that way, or let the frictions differ by a tenth"
-            )
-    return found
-
-
-def _combined(system: System, motions: Motions, combined: Floats) -> Motion:
+def combined_motion(system: System, motions: Motions, combined: Floats) -> Motion:
     """A combination of motions (len(motions),)."""
     du, dq = system.new_vector(), np.zeros_like(system.state.q)
     for share, (_, motion, _) in zip(combined, motions, strict=True):
@@ -368,16 +319,16 @@ def _first(ways: list[str]) -> str:
     return ways[0] if ways else "hold it along that way, or end the path before"
 
 
-def _pushed(system: System, motions: Motions, held: Floats) -> bool:
+def pushed(system: System, motions: Motions, held: Floats) -> bool:
     """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
-    shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
-    loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
+    shares = [works(system, [contact], motions) @ held for contact in system.contacts]
+    loads = works(system, [term for term in system.terms if term not in system.contacts], motions)
     forces = Motion(system.new_vector(), -system.tools.forces(system.state.t))
     loads = (loads + [motion.dot(forces) for _, motion, _ in motions]) @ held
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
 
 
-def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
+def works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
     """Work (len(motions),) of the forces of terms on motions. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     for term in terms:
@@ -386,13 +337,13 @@ def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
     return np.array([motion.dot(force) for _, motion, _ in motions])
 
 
-def _energies(system: System, rough: list[ContactTerm], motions: Motions, frictions: dict[ContactTerm, float]) -> Floats:
+def energies(system: System, rough: list[ContactTerm], motions: Motions, frictions: dict[ContactTerm, float]) -> Floats:
     """Work of motions with each other's resistance if rough contacts had other coefficients of friction: endless ones, but
     for those of `frictions`. Collective."""
-    return _resisted(system, motions, {c: c.trial.with_friction(frictions.get(c, ENDLESS)) for c in rough})
+    return resisted(system, motions, {c: c.trial.with_friction(frictions.get(c, ENDLESS)) for c in rough})
 
 
-def _resisted(system: System, motions: Motions, trials: Trials) -> Floats:
+def resisted(system: System, motions: Motions, trials: Trials) -> Floats:
     """Work of motions with each other's resistance by the tangent, with these trial states of contacts. Collective."""
     system.assemble_tangent(trials=trials)
     matrix = supported(system)
