@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -94,7 +94,15 @@ def _led_note(contact: Contact, state: State, noise: float) -> Remark | None:
     )
 
 
-def _lean(contact: Contact, state: State) -> tuple[float, float, float]:
+class _Lean(NamedTuple):
+    """Shares, see `_lean`."""
+
+    at_ends: float
+    all_over: float
+    lost: float
+
+
+def _lean(contact: Contact, state: State) -> _Lean:
     """Shares of the contact's load by which the tangential force, that acts by the slave's normals, would change by the
     master's: where an edge of the slave touches, and all over; and the share of the friction of nodes that slip which is
     across the planes of their samples. Collective."""
@@ -102,7 +110,7 @@ def _lean(contact: Contact, state: State) -> tuple[float, float, float]:
     size, (rubs, felt) = sums[9] if sums[9] > 0.0 else np.inf, sums[10:]
     *aside, load = sums[:9].reshape(3, 3) / size
     at_ends, all_over = np.linalg.norm(aside @ (np.eye(3) - np.outer(load, load)), axis=1)
-    return float(at_ends), float(all_over), float((rubs - felt) / rubs) if rubs > 0.0 else 0.0
+    return _Lean(float(at_ends), float(all_over), float((rubs - felt) / rubs) if rubs > 0.0 else 0.0)
 
 
 def _degrees(lean: float) -> str:
@@ -110,9 +118,9 @@ def _degrees(lean: float) -> str:
     return f"{np.degrees(2.0 * np.arcsin(min(0.5 * lean, 1.0))):.2g} degrees"
 
 
-def _lean_note(contact: Contact, state: State) -> Remark | None:
+def _lean_note(contact: Contact, state: State, lean: _Lean) -> Remark | None:
     """None, or that contact acts by normals of the slave which are not the master's. Collective."""
-    at_ends, all_over, _ = _lean(contact, state)
+    at_ends, all_over, _ = lean
     if max(at_ends, all_over) <= ASIDE:
         return None
     sticks, slips = _moves(contact, state)
@@ -141,16 +149,15 @@ def _moves(contact: Contact, state: State) -> tuple[int, int]:
     return int(sticks), int(slips)
 
 
-def _bent_note(contact: Contact, state: State) -> Remark | None:
+def _bent_note(contact: Contact, state: State, lean: _Lean) -> Remark | None:
     """None, or that friction is lost where the patch of a node, in which it has one direction, is bent. Collective."""
-    lost = _lean(contact, state)[2]
-    if lost <= BENT or _moves(contact, state)[1] < SEVERAL:
+    if lean.lost <= BENT or _moves(contact, state)[1] < SEVERAL:
         return None
     return Remark(
-        lost,
+        lean.lost,
         f"contact '{contact.name}': friction has one direction in the patch of a slave node, whose facets are bent along "
-        f"it: {lost:.2g} of it acts across them, and so much of its moment and work is missing; take finer cells on what is "
-        "round, or points=3 (Gauss points)",
+        f"it: {lean.lost:.2g} of it acts across them, and so much of its moment and work is missing; take finer cells on "
+        "what is round, or points=3 (Gauss points)",
     )
 
 
@@ -327,15 +334,16 @@ class Findings:
     def remarks(self, state: State, noise: float) -> dict[str, Remark]:
         """{kind: what is to be said of an accepted state}; noise: see Scales [force]."""
         contact = self._contact
+        lean = _lean(contact, state)
         kinds: dict[str, Callable[[Contact, State], Remark | None]] = {
             "led": partial(_led_note, noise=noise),
             "deep": _depth_note,
             "between": between_note,
             "hidden": hidden_note,
             "led in": led_in_note,
-            "leans": _lean_note,
+            "leans": partial(_lean_note, lean=lean),
             "edges": _edge_note,
-            "bent": _bent_note,
+            "bent": partial(_bent_note, lean=lean),
         }
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
 
@@ -358,7 +366,7 @@ class Findings:
 
     def pressing_edge(self, state: State) -> Finding | None:
         """An edge of the slave is what touches."""
-        contact, (lean, *_) = self._contact, _lean(self._contact, state)
+        contact, lean = self._contact, _lean(self._contact, state).at_ends
         if lean <= LEANS:
             return None
         text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {_degrees(lean)}"
