@@ -321,14 +321,14 @@ def _first(ways: list[str]) -> str:
 
 def pushed(system: System, motions: Motions, held: Floats) -> bool:
     """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
-    shares = [works(system, [contact], motions) @ held for contact in system.contacts]
-    loads = works(system, [term for term in system.terms if term not in system.contacts], motions)
+    shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
+    loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
     forces = Motion(system.new_vector(), -system.tools.forces(system.state.t))
     loads = (loads + [motion.dot(forces) for _, motion, _ in motions]) @ held
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
 
 
-def works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
+def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
     """Work (len(motions),) of the forces of terms on motions. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     for term in terms:

@@ -10,7 +10,6 @@ from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import (
     MOSTLY,
-    Motions,
     closed,
     combined_motion,
     energies,
@@ -19,10 +18,9 @@ from fenics_contact.solvers.holding import (
     moving_parts,
     pushed,
     resisted,
-    works,
 )
 from fenics_contact.solvers.motions import Motion, rigid_motions
-from fenics_contact.types import Floats, Vec
+from fenics_contact.types import Vec
 
 NEARLY = 0.9  # of the friction that its law allows: contacts that slide one instead of the other as the steps happen to fall
 PULLS = 0.1  # of the largest work of a contact: what does less has no part in a motion
@@ -45,28 +43,30 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
     rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
     grips = [system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough]
     least = ALLOWED * system.scales.largest
-    near = {
-        c: (taken, most) for c, (taken, most) in zip(rough, grips, strict=True) if taken > NEARLY * most > NEARLY * least
-    }
-    if all(any(f"'{contact.name}'" in place for place in told) for contact in near):
+    near = [
+        (contact, *grip) for contact, grip in zip(rough, grips, strict=True) if grip[0] > NEARLY * grip[1] > NEARLY * least
+    ]
+    if all(any(f"'{contact.name}'" in place for place in told) for contact, *_ in near):
         return {}
     motions, found = rigid_motions(system), dict[str, str]()
-    sides = [_Side.of(system, contact, most) for contact, (_, most) in near.items()]
-    if len(near) < 2 and not any(_against_itself(system, sides, motion) for _, motion, _ in motions):
+    if len(near) < 2 and not any(_gone_along(system, motion) for _, motion, _ in motions):
+        return {}
+    rubbing = [_Rubbing.of(system, *one) for one in near]
+    if len(near) < 2 and not any(_against_itself(system, rubbing, motion) for _, motion, _ in motions):
         return {}
     now, stuck = resisted(system, motions, {}), energies(system, rough, motions, {})
     values, vectors = lowest(now, stuck)
     for motion in vectors[:, values < MOSTLY].T:
         combined = combined_motion(system, motions, motion)
-        pulling = _against_each_other(system, near, motions, motion, FELT * combined.largest)
-        torn = [] if pulling else _against_itself(system, sides, combined)
-        if not (pulling or torn) or (pulling and pushed(system, motions, motion[:, None])):
+        pulling = _against_each_other(rubbing, combined)
+        concerned = pulling or _against_itself(system, rubbing, combined)
+        if not concerned or (pulling and pushed(system, motions, motion[:, None])):
             continue
-        place = " and ".join(f"'{contact.name}'" for contact in pulling or torn)
-        place = f"contact{'s' if len(pulling or torn) > 1 else ''} {place}"
+        names = " and ".join(f"'{one.contact.name}'" for one in concerned)
+        place = f"contact{'s' if len(concerned) > 1 else ''} {names}"
         if place not in told:
             held = [f"{kind_of_owner(system, name)} '{name}'" for name, _ in moving_parts(motions, motion[:, None])]
-            shares = ", ".join(f"{near[contact][0] / near[contact][1]:.3f}" for contact in pulling or torn)
+            shares = ", ".join(f"{one.taken / one.most:.3f}" for one in concerned)
             found[place] = _told(place, ", ".join(held), shares, bool(pulling))
     return found
 
@@ -86,55 +86,57 @@ def _told(place: str, owners: str, shares: str, several: bool) -> str:
     )
 
 
-Near = dict[ContactTerm, tuple[float, float]]  # friction, and what its law allows [force]
-
-
-def _against_each_other(system: System, near: Near, motions: Motions, motion: Floats, felt: float) -> list[ContactTerm]:
-    """Contacts that pull each other along a motion, either side as near to sliding; felt: of the friction [length].
-    Collective."""
-    if len(near) < 2:
-        return []
-    work = np.array([works(system, [contact], motions) for contact in near]) @ motion
-    most = np.array([most for _, most in near.values()])
-    pulls = np.abs(work) > PULLS * np.abs(work).max()
-    # of what each side may carry along that way: the side that carries more of it slides
-    sides = [abs(work[side].sum()) / most[side].sum() for side in (pulls & (work > 0.0), pulls & (work < 0.0)) if side.any()]
-    if len(sides) < 2 or max(sides) <= felt or min(sides) < ALIKE * max(sides):
-        return []
-    return [contact for contact, one in zip(near, pulls, strict=True) if one]
-
-
-class _Side(NamedTuple):
-    """A contact, what its law allows [force], its friction on the owned dofs, and all of its forces."""
+class _Rubbing(NamedTuple):
+    """A contact, its friction and what its law allows [force]; as forces its friction, on the owned dofs, and all of it."""
 
     contact: ContactTerm
+    taken: float
     most: float
     friction: Vec
     forces: Motion
 
     @classmethod
-    def of(cls, system: System, contact: ContactTerm, most: float) -> "_Side":
+    def of(cls, system: System, contact: ContactTerm, taken: float, most: float) -> "_Rubbing":
         """Collective."""
         local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
-        bare, smooth = np.zeros_like(local), np.zeros_like(tools)
+        pressed, wrenches = np.zeros_like(local), np.zeros_like(tools)
         contact.add_residual(system.state, local, tools)
-        contact.add_residual(system.state, bare, smooth, contact.trial.with_friction(0.0))
+        contact.forces.press(system.state, pressed, wrenches)
         forces = Motion(system.border_vector(local), system.comm.allreduce(tools))
-        return cls(contact, most, system.border_vector(local - bare), forces)
+        return cls(contact, taken, most, system.border_vector(local - pressed), forces)
 
 
-def _against_itself(system: System, sides: Sequence[_Side], motion: Motion) -> list[ContactTerm]:
-    """Contacts of which one side pulls the other along a motion, by friction, along which bodies have gone. Collective."""
+def _against_each_other(rubbing: Sequence[_Rubbing], motion: Motion) -> list[_Rubbing]:
+    """Contacts that pull each other along a motion, either side as near to sliding. Collective."""
+    if len(rubbing) < 2:
+        return []
+    work = np.array([motion.dot(one.forces) for one in rubbing])
+    most = np.array([one.most for one in rubbing])
+    pulls = np.abs(work) > PULLS * np.abs(work).max()
+    # of what each side may carry along that way: the side that carries more of it slides
+    sides = [abs(work[side].sum()) / most[side].sum() for side in (pulls & (work > 0.0), pulls & (work < 0.0)) if side.any()]
+    if len(sides) < 2 or max(sides) <= FELT * motion.largest or min(sides) < ALIKE * max(sides):
+        return []
+    return [one for one, pulling in zip(rubbing, pulls, strict=True) if pulling]
+
+
+def _gone_along(system: System, motion: Motion) -> bool:
+    """Whether bodies have gone along a motion, whatever else they have done. Collective."""
     u, size = system.new_vector(), motion.du.dot(motion.du)
     u.array[:] = system.state.u.x.array[: system.vector.getLocalSize()]
-    if not size > 0.0 or abs(motion.du.dot(u)) / size * motion.largest <= ASIDE * system.scales.moved:
+    return bool(size > 0.0 and abs(motion.du.dot(u)) / size * motion.largest > ASIDE * system.scales.moved)
+
+
+def _against_itself(system: System, rubbing: Sequence[_Rubbing], motion: Motion) -> list[_Rubbing]:
+    """Contacts of which one side pulls the other along a motion, by friction, along which bodies have gone. Collective."""
+    if not _gone_along(system, motion):
         return []
     found = []
-    for contact, most, friction, forces in sides:
-        work = (friction.array_r * motion.du.array_r).reshape(-1, 3).sum(axis=1)
-        one, other = system.comm.allreduce(np.array([work[work > 0.0].sum(), -work[work < 0.0].sum()]))
+    for one in rubbing:
+        work = (one.friction.array_r * motion.du.array_r).reshape(-1, 3).sum(axis=1)
+        sides = system.comm.allreduce(np.array([work[work > 0.0].sum(), -work[work < 0.0].sum()]))
         # loads hold against what all of it does there
-        pushes = abs(motion.dot(forces))
-        if max(one, other) > FELT * motion.largest * most and min(one, other) > max(ALIKE * max(one, other), pushes / PULLS):
-            found.append(contact)
+        pushes = abs(motion.dot(one.forces))
+        if sides.max() > FELT * motion.largest * one.most and sides.min() > max(ALIKE * sides.max(), pushes / PULLS):
+            found.append(one)
     return found
