@@ -116,8 +116,9 @@ def past_the_end(way=-6.0):
     return scene, {ball: (0, 0, way)}
 
 
-def door_seal(friction=0.01):
-    """A hollow seal with a glued foot, and a door that comes down on it by 7; such friction does not keep it upright."""
+def door_seal(friction=0.01, half=False, tilt=0.0):
+    """A hollow seal with a glued foot, or its half x > 0, and a door that comes down on it by 7; such friction does not keep
+    it upright. tilt: of the door's normal along x. No half of the whole has its cells."""
 
     def draw():
         occ, mesh = gmsh.model.occ, gmsh.model.mesh
@@ -126,16 +127,19 @@ def door_seal(friction=0.01):
         )  # fmt: skip
         whole, _ = occ.fuse([(2, tube)], [(2, foot)])
         seal, _ = occ.cut(whole, [(2, hole)])
+        if half:
+            seal, _ = occ.intersect(seal, [(2, occ.addRectangle(0, -3, 0, 9, 20))])
         line = occ.addLine(occ.addPoint(-7, 5.5, 0), occ.addPoint(7, 5.5, 0))
         parts, _ = occ.fragment(seal, [(1, line)])
         occ.synchronize()
         faces = [(dim, tag) for dim, tag in parts if dim == 2]
-        groups: dict[str, list[int]] = {"foot": [], "skin": [], "inside": []}
+        groups: dict[str, list[int]] = {"foot": [], "skin": [], "inside": []} | ({"middle": []} if half else {})
         for _, curve in gmsh.model.getBoundary(faces, combined=True, oriented=False):
             low, high = gmsh.model.getParametrizationBounds(1, curve)
             x, y, _ = gmsh.model.getValue(1, curve, [0.5 * (low[0] + high[0])])
             inside = np.hypot(x, y - 5.5) < 4.9 and y > 0.0
-            groups["foot" if y < -1.99 else "inside" if inside else "skin"].append(curve)
+            side = "middle" if half and abs(x) < 1e-6 else "inside" if inside else "skin"
+            groups["foot" if y < -1.99 else side].append(curve)
         for dim, tags, name in (2, [tag for _, tag in faces], "seal"), *((1, tags, name) for name, tags in groups.items()):
             gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
         for option, value in ("MeshSizeMin", 0.8), ("MeshSizeMax", 0.8), ("RecombineAll", 1), ("SubdivisionAlgorithm", 1):
@@ -144,7 +148,9 @@ def door_seal(friction=0.01):
 
     scene = Scene(Body(read_gmsh(draw), "seal", neo_hooke(0.5, 5.0)), plane="strain", element="mixed")
     scene.fix("foot")
-    door = rigid_plane((0, 12.0, 0), (0, -1, 0), name="door")
+    if half:
+        scene.fix("middle", "x")
+    door = rigid_plane((0, 12.0, 0), (tilt, -1, 0), name="door")
     scene.contact("skin", door, friction, name="door")
     return scene, {door: (0, -7.0, 0)}
 
