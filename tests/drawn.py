@@ -15,22 +15,23 @@ def quadrilateral(name, corners, cells, sides):
     _finish([surface], {name: (2, [surface])} | {side: (1, [line]) for line, side in zip(lines, sides, strict=True)})
 
 
-def ring(name, middle, radii, cells, sides, turn=0.0):
+def ring(name, middle, radii, cells, sides, turn=0.0, ends=None):
     """A whole ring about the height `middle` of the y axis; cells: through its wall and along each quarter, of which the
-    first begins at the angle `turn`; sides: names of its inner and outer one."""
+    first begins at the angle `turn`; sides: names of its inner and outer one; ends: of its half, that of both ends."""
     geo = gmsh.model.geo
     centre = geo.addPoint(0, middle, 0)
     c, s = math.cos(turn), math.sin(turn)
-    ways = [(c, s), (-s, c), (-c, -s), (s, -c)]
+    ways, quarters = [(c, s), (-s, c), (-c, -s), (s, -c)][: 3 if ends else 4], range(2 if ends else 4)
     points = [[geo.addPoint(r * cos, middle + r * sin, 0) for cos, sin in ways] for r in radii]
-    arcs = [[geo.addCircleArc(around[i], centre, around[(i + 1) % 4]) for i in range(4)] for around in points]
+    arcs = [[geo.addCircleArc(around[i], centre, around[(i + 1) % 4]) for i in quarters] for around in points]
     spokes = [geo.addLine(*ends) for ends in zip(*points, strict=True)]
-    loops = [[spokes[i], arcs[1][i], -spokes[(i + 1) % 4], -arcs[0][i]] for i in range(4)]
+    loops = [[spokes[i], arcs[1][i], -spokes[(i + 1) % 4], -arcs[0][i]] for i in quarters]
     faces = [geo.addPlaneSurface([geo.addCurveLoop(loop)]) for loop in loops]
     for curves, count in zip((spokes, arcs[0] + arcs[1]), cells, strict=True):
         for curve in curves:
             geo.mesh.setTransfiniteCurve(curve, count + 1)
-    _finish(faces, {name: (2, faces)} | {side: (1, around) for side, around in zip(sides, arcs, strict=True)})
+    groups = {name: (2, faces)} | {side: (1, around) for side, around in zip(sides, arcs, strict=True)}
+    _finish(faces, groups | ({ends: (1, [spokes[0], spokes[2]])} if ends else {}))
 
 
 def _finish(faces, groups):

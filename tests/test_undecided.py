@@ -4,6 +4,7 @@ thrown out between them."""
 import gmsh
 import numpy as np
 import pytest
+from drawn import ring
 
 from fenics_contact import (
     Body,
@@ -177,26 +178,8 @@ def flat():
 
 def arch(stabilise):
     """Half a ring that stands on a rough flat tool, spread by a smooth lid; how far its crown goes aside."""
-
-    def ring():
-        geo = gmsh.model.geo
-        centre, rings = geo.addPoint(0, 0, 0), [[geo.addPoint(r * c, r * s, 0) for c, s in WAYS] for r in (4.0, 5.0)]
-        arcs = [[geo.addCircleArc(points[i], centre, points[i + 1]) for i in (0, 1)] for points in rings]
-        spokes = [geo.addLine(*ends) for ends in zip(*rings, strict=True)]
-        loops = [geo.addCurveLoop([spokes[i], arcs[1][i], -spokes[i + 1], -arcs[0][i]]) for i in (0, 1)]
-        faces = [geo.addPlaneSurface([loop]) for loop in loops]
-        for curve in [*arcs[0], *arcs[1], *spokes]:
-            geo.mesh.setTransfiniteCurve(curve, 3 if curve in spokes else 13)
-        for face in faces:
-            geo.mesh.setTransfiniteSurface(face)
-            geo.mesh.setRecombine(2, face)
-        geo.synchronize()
-        groups = {"arch": (2, faces), "feet": (1, [spokes[0], spokes[2]]), "back": (1, arcs[1])}
-        for name, (dim, tags) in groups.items():
-            gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
-        gmsh.model.mesh.generate(2)
-
-    scene = Scene(Body(read_gmsh(ring), "arch", neo_hooke(0.5, 5.0)), plane="strain")
+    mesh = read_gmsh(lambda: ring("arch", 0.0, (4.0, 5.0), (2, 12), ("inside", "back"), ends="feet"))
+    scene = Scene(Body(mesh, "arch", neo_hooke(0.5, 5.0)), plane="strain")
     ground = rigid_curve(flat, group="flat", name="ground")
     lid = rigid_plane((0, 5, 0), normal=(0, -1, 0), name="lid")
     scene.contact("feet", ground, MU, name="feet")
@@ -205,9 +188,6 @@ def arch(stabilise):
     method = Method(stabilise=stabilise)
     result = solve(scene, move={lid: (0, -1.5, 0)}, steps=5, method=method, record=crown).require()
     return result, np.abs(result.column("x")).max()
-
-
-WAYS = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]
 
 
 def test_nor_which_side_of_one():
