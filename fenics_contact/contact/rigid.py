@@ -98,11 +98,11 @@ class RigidPartner(PointPressures):
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
 
     def foreseen(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
-        """Gaps (ne nq,) at these places, shifts added, were the tool as flat as it is before each point at those of the
-        tangent `before`."""
+        """Gaps (ne nq,) that the tangent `before` foresees at these places, shifts added: were the tool as flat as it is
+        before each point there, and did it go along the tangents of its circles, as the points do in a solve."""
         then, now = (np.einsum("eqk,ekc->eqc", self.surface.a, at.x) for at in (before.feet, feet))
-        back = before.feet.pose.place + (now - feet.pose.place) @ feet.pose.turn @ before.feet.pose.turn.T  # with the tool
-        rise = np.einsum("eqc,eqc->eq", self.places.normals(before.feet), back - then)
+        way = now - then - before.feet.pose.way(feet.pose, then)
+        rise = np.einsum("eqc,eqc->eq", self.places.normals(before.feet), way)
         return (before.response.gap + rise + trial.history.shift).ravel()
 
     def ahead(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
