@@ -117,21 +117,21 @@ def test_augmentations_take_no_tangents_of_their_own(kind):
     assert verdict.corrections > without.corrections
 
 
-def sphere(**options):
+def sphere(deep=1.0, **options):
     mesh = read_gmsh(box.build, size=(10, 10, 5), cells=(7, 7, 4), origin=(0, 0, -5))
     scene = Scene(Body(mesh, "box", RUBBER))
     for group, axis in (("zmin", "xyz"), ("xmin", "x"), ("ymin", "y")):
         scene.fix(group, axis)
     tool = rigid_sphere(10.0, (0, 0, 10.0))
     scene.contact("zmax", tool, 0.3, name="c", **options)
-    return scene, {"move": {tool: (0, 0, -1.0)}}
+    return scene, {"move": {tool: (0, 0, -deep)}}
 
 
 def test_converges_where_the_penalty_of_that_penetration_does_not():
     element, drive = 1.25, {"steps": 1, "method": Method(smallest_step=1.0)}  # steps are not cut
-    scene, move = sphere(penalty=1e6)  # what 1e-6 of an element takes at a pressure of 1 MPa
+    scene, move = sphere(1.3, penalty=1e6)  # what 1e-6 of an element takes at a pressure of 1 MPa
     assert not solve(scene, **move, **drive).converged
-    scene, move = sphere(penetration=1e-6 * element)
+    scene, move = sphere(1.3, penetration=1e-6 * element)
     result = solve(scene, **move, **drive).require()
     assert result.history[-1]["c_penetration_mm"] <= 1e-6 * element
     assert misfit(result.system) <= 1.0  # slips, too

@@ -20,6 +20,7 @@ from fenics_contact import (
     rigid_plane,
     solve,
 )
+from fenics_contact.assembly.finding import SLIDES
 from fenics_contact.meshes import box, rectangles
 
 pytestmark = pytest.mark.parallel
@@ -29,7 +30,7 @@ MU = 0.3
 
 def told(result):
     """The notes of a run that may branch."""
-    return [note for note in result.require().verdict.notes if "the path may branch here" in note]
+    return [note for note in result.verdict.notes if "the path may branch here" in note]
 
 
 def block(drag, below=MU, steps=10):
@@ -186,14 +187,18 @@ def arch(stabilise):
     scene.contact("back", lid, name="lid")
     crown = {"x": lambda view: view.at((0.0, 5.0, 0.0)).displacement[0]}
     method = Method(stabilise=stabilise)
-    result = solve(scene, move={lid: (0, -1.5, 0)}, steps=5, method=method, record=crown).require()
+    result = solve(scene, move={lid: (0, -1.5, 0)}, steps=5, method=method, record=crown)
     return result, np.abs(result.column("x")).max()
 
 
 def test_nor_which_side_of_one():
-    """Both feet slide outwards, and nothing says by how much each: the crown goes aside as the steps happen to fall."""
+    """Both feet slide outwards, and nothing says by how much each: the crown goes aside as the steps happen to fall, or
+    both slide in a step, in which nothing holds the arch between them: which of both is up to rounding."""
     result, aside = arch(stabilise=False)
-    (note,) = told(result)
-    assert "contact 'feet' holds body 'arch' between its sides" in note and aside > 0.1
+    if result.converged:
+        (note,) = told(result)
+        assert "contact 'feet' holds body 'arch' between its sides" in note and aside > 0.1
+    else:
+        assert result.verdict.kind == SLIDES and "stabilise=True" in result.verdict.remedy
     result, aside = arch(stabilise=True)
-    assert not told(result) and aside < 1e-6
+    assert result.converged and not told(result) and aside < 1e-6

@@ -37,13 +37,14 @@ class ContactPartner(Protocol):
     """What the points meet. `feet`, `before`: where points and master were, of which the contact's places know.
 
     grounded: can it hold a body by itself, as a tool does, or only as far as it is held, as another body; foresees: may
-    pressures be unknowns beside the displacement; settles: do they alone say who is in contact, so that no increment need be
-    shortened; edge_kind: what the output says of its edges.
+    pressures be unknowns beside the displacement; foretells: is friction's way foreseen with them; settles: do both alone
+    say who is in contact, so that no increment need be shortened; edge_kind: what the output says of its edges.
     """
 
     edge_kind: str
     grounded: bool
     foresees: bool
+    foretells: bool
     settles: bool
 
     @property

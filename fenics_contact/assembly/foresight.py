@@ -14,14 +14,16 @@ from fenics_contact.types import Floats
 class Foresight:
     """Contact pressures as unknowns that solves carry along, and sights that are held.
 
-    contacts: those that foresee pressures; settles: do these alone say who is in contact; linearised: {term: where its
+    contacts: those that foresee pressures; foretells: do all contacts foresee friction, too; settles: do both alone say who
+    is in contact; linearised: {term: where its
     points were at the last tangent}.
     """
 
     def __init__(self, contacts: Sequence[ContactTerm]) -> None:
         self._all = contacts
         self.contacts = [contact for contact in contacts if contact.partner.foresees]
-        self.settles = bool(contacts) and all(contact.partner.settles for contact in contacts)
+        self.foretells = bool(contacts) and all(contact.partner.foretells for contact in contacts)
+        self.settles = self.foretells and all(contact.partner.settles for contact in contacts)
         self.linearised: dict[Term, Any] = {}
         self._told: dict[ContactTerm, Floats] = {}  # what the last tangent foresaw, where samples have changed since
         self._samples_held = False

@@ -29,7 +29,7 @@ class FacetPartner(OnFacets):
     feet are collective.
     """
 
-    settles = False
+    settles = foretells = False
     places: PointPlaces
 
     def __init__(self, name: str, places: PointPlaces) -> None:

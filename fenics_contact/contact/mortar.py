@@ -12,9 +12,11 @@ from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
+from fenics_contact.contact.partner import weighed
 from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE
+from fenics_contact.kernels.foreseen import WEIGHT
 from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH
 from fenics_contact.kernels.mortar_rates import Products, foreseen_averages, node_products
 from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
@@ -30,7 +32,7 @@ class MortarPartner(OnFacets):
     Forces go back by sums over the surfaces' nodes. Methods that take feet are collective.
     """
 
-    settles = True
+    settles = foretells = True
     smooth = False
     places: NodePlaces
 
@@ -146,13 +148,12 @@ class MortarPartner(OnFacets):
         foreseen = (np.column_stack([before.N, before.T]) + np.einsum("nab,nb->na", before.rates, change)) / eps
         gaps = np.minimum(averaged[0], self.places.search)
         found = np.column_stack([gaps + trial.history.shift.ravel(), averaged[1]])
-        share = np.minimum(kernel.WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
+        share = np.minimum(WEIGHT * self.surface.stiffness[:, None] / eps, 1.0)
         pressed = before.rates[:, 0, 0] != 0.0
         soft = kernel.SOFT * np.abs(foreseen[:, 0]) / np.maximum(np.abs(gaps - means[0]), 1e-300)
         share[pressed, 0] = np.minimum(share[:, 0], soft)[pressed]
-        turned = np.einsum("nc,nc->n", foreseen[:, 1:], found[:, 1:]) < 0.0  # it has slid against what rubs it:
-        share[turned, 1:] = 0.0  # it sticks before it slides that way
-        return (foreseen + share * (found - foreseen)).ravel()
+        gaps = foreseen[:, 0] + share[:, 0] * (found - foreseen)[:, 0]
+        return np.column_stack([gaps, weighed(foreseen[:, 1:], found[:, 1:], share[:, 1:])]).ravel()
 
     def deciding(self, feet: MortarFeet, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
         """See `Partner.deciding`: these gaps, and the ways (4 ns,) of what stuck by the friction that it had; of what is to

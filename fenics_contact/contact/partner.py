@@ -158,6 +158,13 @@ def worked(pulled: Floats, slip: Floats) -> Floats:
     return np.linalg.norm(pulled, axis=-1) - np.linalg.norm(pulled - slip, axis=-1)
 
 
+def weighed(foreseen: Floats, found: Floats, share: Floats) -> Floats:
+    """Ways (..., 3) that decide what slips: foreseen ones, with a share (..., 3 or 1) of those found. A point that has slid
+    against what rubs it has none: it sticks before it slides that way."""
+    turned = np.einsum("...c,...c->...", foreseen, found)[..., None] < 0.0
+    return foreseen + np.where(turned, 0.0, share) * (found - foreseen)
+
+
 class SingleAnchors:
     """What anchors have in common where each slave point has its own, by itself."""
 

@@ -219,11 +219,12 @@ class Penalties:
     def softened(self, state: State, part: float) -> Trial:
         """A part of the penalties at an accepted state; until `release` points press as they did. Friction goes on from
         the traction it had."""
-        trial = self._contact.trial
-        gaps = np.divide(self._contact.response(state).gap + trial.history.shift, part)
-        trial = self.friction_kept(trial, part)
-        trial = trial.remembering(shift=trial.history.shift / part).under(trial.law.times(part))
-        return trial.judging(gaps.ravel())
+        contact = self._contact
+        before, feet = contact.trial, contact.places.feet(state)
+        gaps = np.divide(contact.response(state).gap + before.history.shift, part)
+        trial = self.friction_kept(before, part)
+        trial = trial.remembering(shift=before.history.shift / part).under(before.law.times(part))
+        return trial.judging(contact.partner.deciding(feet, before, trial, gaps, np.ones_like(gaps)))
 
     def holding_up(self, state: State) -> Trial:
         """Penalties so great that the deepest point of an accepted state would lie AIM * DEEPEST deep; points press and rub

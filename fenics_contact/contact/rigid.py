@@ -8,15 +8,16 @@ from fenics_contact.assembly.blocks import Blocks, tool_blocks
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction, turned
-from fenics_contact.contact.partner import PointPressures
+from fenics_contact.contact.partner import PointPressures, weighed
 from fenics_contact.contact.passing import tool_distances
 from fenics_contact.contact.rigid_anchors import RigidAnchors
 from fenics_contact.contact.rigid_places import RigidFeet, RigidPlaces
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
+from fenics_contact.kernels.foreseen import WEIGHT
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
 from fenics_contact.kernels.scatter import scatter_forces
-from fenics_contact.kernels.status import OPEN, SLIP
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.types import Array, Bools, Floats, Ints
 
 WAYS = tuple(0.5**k for k in range(6))  # of the slave's size, of a body that is looked at whether it runs into a tool
@@ -24,10 +25,12 @@ NEARER = 1e-3  # of its way: what comes nearer by less goes along the tool
 
 
 class Linearised(NamedTuple):
-    """What a tangent knew: where the points were, and what they did there."""
+    """What a tangent knew: where the points were, what they did there, and rubbed (ne, nq, 3, 5): their friction, and its
+    rates with gap and way, in the tool's frame."""
 
     feet: RigidFeet
     response: Response
+    rubbed: Floats
 
 
 class RigidPartner(PointPressures):
@@ -43,7 +46,7 @@ class RigidPartner(PointPressures):
         self.surface, self.tool, self.index = surface, tool, index
         self.name, self.edge_kind = tool.name, tool.edge_kind
         # over a sharp edge the distance jumps, and frictionless forces have no potential
-        self.foresees = self.softens = self.smooth = tool.edge_kind != "sharp"
+        self.foresees = self.foretells = self.softens = self.smooth = tool.edge_kind != "sharp"
         self.places, self.anchors = RigidPlaces(surface, tool, index), RigidAnchors(self)
 
     def laws(self, trial: Trial, touch: float | None = None) -> ElementLaws:
@@ -52,23 +55,23 @@ class RigidPartner(PointPressures):
         if friction.ratio != 1.0:  # its direction is seen in the tool's frame, with which it turns
             friction = friction._replace(along=tuple(self.tool.axes.T @ friction.along))
         touch = float(law.touch if touch is None else touch)
-        return law.eps_n, law.eps_t, self.surface.stiffness, friction, touch, trial.judged
+        return law.eps_n, law.eps_t, self.surface.stiffness, friction, touch, trial.judged.reshape(-1, 4)
 
     def friction(self, feet: RigidFeet, trial: Trial) -> Friction:
         """The law of friction where the tool is."""
         return turned(trial.law.friction, feet.pose)
 
-    def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats]:
+    def _evaluate(self, feet: RigidFeet, trial: Trial, want_tangent: bool) -> tuple[Response, Floats, Floats]:
         ne, nq, k = self.surface.a.shape
         traction, forces = np.empty((ne, nq, 3)), np.empty((ne, k, 3))
         gap, cover, status = np.empty((ne, nq)), np.empty((ne, nq)), np.empty((ne, nq), dtype=np.int32)
         count = ne if want_tangent else 0
-        tangent = np.empty((count, 3 * k, 3 * k))
+        tangent, rubbed = np.empty((count, 3 * k, 3 * k)), np.zeros((count, nq, 3, 5))
         history = trial.history.anchors[0], trial.history.shift
-        out = forces, tangent, traction, gap, status, cover
+        out = forces, tangent, traction, gap, status, cover, rubbed
         where = self.places.points_at(feet, trial.area)
         contact_elements(*where, self.laws(trial), history, want_tangent, out)
-        return Response(traction, gap, status, cover, forces), tangent
+        return Response(traction, gap, status, cover, forces), tangent, rubbed
 
     def response(self, feet: RigidFeet, trial: Trial) -> Response:
         return self._evaluate(feet, trial, False)[0]
@@ -85,33 +88,58 @@ class RigidPartner(PointPressures):
         return feet.x.reshape(-1, 3), -response.forces.reshape(-1, 3)
 
     def tangent(self, feet: RigidFeet, trial: Trial) -> Blocks:
-        response, tangent = self._evaluate(feet, trial, True)
+        response, tangent, rubbed = self._evaluate(feet, trial, True)
         active = np.flatnonzero((response.status != OPEN).any(axis=1))
         nodes, K, (ne, k) = self.surface.nodes[active], tangent[active], (len(active), feet.x.shape[1])
         x, forces = (of_nodes[active].reshape(-1, 3) for of_nodes in (feet.x, response.forces))
         motions = feet.pose.motions(x).reshape(ne, 3 * k, 6)
         rates = (K @ motions).reshape(-1, 3, 6), (K.transpose(0, 2, 1) @ motions).reshape(-1, 3, 6).transpose(0, 2, 1)
         tool = tool_blocks(self.index, feet.pose, nodes.ravel(), (x, forces), rates)
-        return Blocks(cells=(nodes, K), tool=tool, at=Linearised(feet, response))
+        return Blocks(cells=(nodes, K), tool=tool, at=Linearised(feet, response, rubbed))
 
     def couplings(self, feet: RigidFeet, trial: Trial) -> None:
         """None: a tool has no dofs, and nodes of one facet are coupled by the solid."""
 
     def foreseen(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
-        """Gaps (ne nq,) that the tangent `before` foresees at these places, shifts added: were the tool as flat as it is
-        before each point there, and did it go along the tangents of its circles, as the points do in a solve."""
+        """Gaps, shifts added, and ways (4 ne nq,) that decide, as the tangent `before` foresees them at these places: were
+        the tool as flat as it is before each point there, and did it go along the tangents of its circles, as the points do
+        in a solve; of ways a share of what is found there."""
         then, now = (np.einsum("eqk,ekc->eqc", self.surface.a, at.x) for at in (before.feet, feet))
-        way = now - then - before.feet.pose.way(feet.pose, then)
-        rise = np.einsum("eqc,eqc->eq", self.places.normals(before.feet), way)
-        return (before.response.gap + rise + trial.history.shift).ravel()
+        way, normals = now - then - before.feet.pose.way(feet.pose, then), self.places.normals(before.feet)
+        rise = np.einsum("eqc,eqc->eq", normals, way)[..., None]
+        change = np.concatenate([rise, (way - rise * normals) @ self.places.axes(before.feet.pose)], axis=2)
+        stick = trial.law.eps_t[:, None, None]
+        ways = (before.rubbed[..., 0] + np.einsum("eqab,eqb->eqa", before.rubbed[..., 1:], change)) / stick
+        found = self.anchors.slip(feet, trial, trial.history.anchors)
+        share = np.minimum(WEIGHT * self.surface.stiffness[:, None, None] / stick, 1.0)
+        # what comes to touch is pressed by all of its gap, and rubs by all of its way
+        ways = weighed(ways, found, np.where((before.response.status == OPEN)[..., None], 1.0, share))
+        return _deciding(before.response.gap + rise[..., 0] + trial.history.shift, ways)
+
+    def deciding(self, feet: RigidFeet, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
+        """See `Partner.deciding`: these gaps, and the ways (4 ne nq,) of what stuck by the friction that it had; of what is
+        to slip the farther."""
+        found, stick = self.response(feet, before), trial.law.eps_t[:, None, None]
+        ways = self.anchors.slip(feet, trial, trial.history.anchors) / np.minimum(wide, 1.0)[..., None]
+        return _deciding(gaps, np.where((found.status == STICK)[..., None], self._rubbed(feet, found) / stick, ways))
+
+    def carried_on(self, trial: Trial, share: float) -> Floats:
+        """Gaps, shifts added, carried on from those of the last accepted step by a share of the change in it, and ways
+        (4 ne nq,) that decide at the start of the next: of what slipped beyond its cone."""
+        feet, anchors = trial.history.feet, trial.history.anchors
+        further = np.where(self.response(feet, trial).status == SLIP, 2.0, 1.0)[..., None]
+        return _deciding(trial.history.carried_on(share), further * self.anchors.slip(feet, trial, anchors))
 
     def ahead(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
         """See `ContactPartner.ahead`: of the ways that decide what sticks, in the tool's frame."""
-        normals, traction, slips = self.places.normals(before.feet), before.response.traction, before.response.status == SLIP
-        rubbed = traction - np.einsum("eqc,eqc->eq", traction, normals)[..., None] * normals
-        rubbed, anchors = rubbed @ self.places.axes(before.feet.pose), trial.history.anchors[0]
-        ways = [self.anchors.here(at, trial)[0] - anchors for at in (before.feet, feet)]
+        rubbed, slips = self._rubbed(before.feet, before.response), before.response.status == SLIP
+        ways = [self.anchors.here(at, trial)[0] - trial.history.anchors[0] for at in (before.feet, feet)]
         return np.stack([np.einsum("pc,pc->p", rubbed[slips], way[slips]) for way in ways], axis=-1)
+
+    def _rubbed(self, feet: RigidFeet, response: Response) -> Floats:
+        """Friction (ne, nq, 3) in the tool's frame [pressure]."""
+        traction, normals = response.traction, self.places.normals(feet)
+        return (traction - np.einsum("eqc,eqc->eq", traction, normals)[..., None] * normals) @ self.places.axes(feet.pose)
 
     @property
     def nodes(self) -> Ints:
@@ -143,3 +171,8 @@ class RigidPartner(PointPressures):
         nearest = [[tool_distances(x + way * axis, tool).min(initial=np.inf) for way in ways] for axis in np.eye(3)]
         gaps = np.min(comm.allgather(nearest), axis=0)
         return np.asarray((gaps < gaps[:, :1] - NEARER * np.abs(ways)).any(axis=1))
+
+
+def _deciding(gaps: Floats, ways: Floats) -> Floats:
+    """Gaps and ways (ne, nq, 3) as `Trial.judged` has them."""
+    return np.concatenate([gaps.reshape(*ways.shape[:2], 1), ways], axis=2).ravel()

@@ -34,18 +34,18 @@ class RigidAnchors(SingleAnchors):
 
     def slips(self, feet: RigidFeet, trial: Trial, status: Ints) -> Floats:
         """What the penalty gave way in stick (ne, nq) [length]."""
-        return np.linalg.norm(self._slip(feet, trial, trial.history.rests, status == STICK), axis=2)
+        return np.linalg.norm(self.slip(feet, trial, trial.history.rests, status == STICK), axis=2)
 
     def slid(self, feet: RigidFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`."""
         slips, rests, tool = status == SLIP, trial.history.rests, self._partner.tool
-        pulled, slip = (self._slip(feet, trial, anchors, slips) for anchors in (trial.history.anchors, rests))
+        pulled, slip = (self.slip(feet, trial, anchors, slips) for anchors in (trial.history.anchors, rests))
         # chords of what may be round; beside a sharp edge points rest where they are themselves, off its flat faces
         way = slip if tool.sharp else self.here(feet, trial)[0] - rests[0]
         return np.where(slips, np.linalg.norm(way, axis=2), 0.0), worked(pulled, slip)
 
-    def _slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
-        """Slip (ne, nq, 3) of some points since they were at rest, in the tool's frame [length]; 0 for others."""
+    def slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
+        """Slip (ne, nq, 3) of some points from where they rest, or anchors, in the tool's frame [length]; 0 for others."""
         places = self._partner.places
         moved, normal = self.here(feet, trial)[0] - rests[0], places.normals(feet) @ places.axes(feet.pose)
         along = np.einsum("eqc,eqc->eq", moved, normal)[..., None] * normal
@@ -53,12 +53,12 @@ class RigidAnchors(SingleAnchors):
 
     def augmented(self, feet: RigidFeet, trial: Trial, status: Ints, share: float) -> Anchors:
         """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
-        return (trial.history.anchors[0] - share * self._slip(feet, trial, trial.history.rests, status == STICK),)
+        return (trial.history.anchors[0] - share * self.slip(feet, trial, trial.history.rests, status == STICK),)
 
     def stiffened(self, feet: RigidFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""
         foot, anchor = self.here(feet, trial)[0], trial.history.anchors[0]
-        return (foot - (foot - anchor + (factor - 1.0) * self._slip(feet, trial, rests)) / factor,)
+        return (foot - (foot - anchor + (factor - 1.0) * self.slip(feet, trial, rests)) / factor,)
 
     def packed(self, anchors: Anchors, feet: RigidFeet, name: str) -> dict[str, Array]:
         """Anchors as arrays (ne, ...) that no partition changes."""

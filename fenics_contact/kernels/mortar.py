@@ -28,8 +28,8 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.foreseen import rubs
 from fenics_contact.kernels.law import (
-    FREE,
     Friction,
     Gaps,
     Law,
@@ -65,14 +65,8 @@ NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats, Floats]
 # N (ns,), T_T (ns, 3) of the slave nodes, number (nf, m) of the one at each corner, -1: another process answers for it
 Acting = tuple[Floats, Floats, Ints64]
 
-# Of a body's stiffness beneath its nodes, E/h: what a gap or way still wrong weighs against the traction that was foreseen
-# (c of Hueeber & Wohlmuth 2005, doi:10.1016/j.cma.2004.08.006; 0.1 ... 1 E/h alike)
-WEIGHT = 1.0
 # Of the stiffness that a node has shown, its foreseen pressure over how far the solve has moved its gap, where that is less
 SOFT = 0.5
-# Cosine of the angle between the way and the foreseen one: a node that slips in a direction further off has passed by the
-# middle around which slips turn; it follows what was foreseen, which its own way turns by its weight alone
-ASIDE = 0.4
 KAPPA = 100.0  # E/h over the spring in series: less is more accurate and less robust
 
 
@@ -235,29 +229,6 @@ def _node_law(A: int, law: NodeLaws, averaged: Averaged) -> Law:
 
 
 @njit(cache=True, error_model="numpy")
-def _told(A: int, law: NodeLaws, numbers: Law, w: Vector) -> int:
-    """Whether node A is to stick or slip by the way that was foreseen; it slips where its own way w goes there too."""
-    judged = law[5]
-    if len(judged) == 0 or numbers.friction.mu == 0.0:
-        return FREE
-    foreseen = judged[A, 1], judged[A, 2], judged[A, 3]
-    found = traction(numbers, Gaps(judged[A, 0], judged[A, 0]), ZERO, foreseen)
-    return SLIP if found.status == SLIP and dot(foreseen, w) > 0.0 else STICK
-
-
-@njit(cache=True, error_model="numpy")
-def _leading(A: int, law: NodeLaws, numbers: Law, w: Vector, told: int) -> tuple[Vector, float]:
-    """The way along which node A rubs, its own way w or the foreseen one, and the part that w has in it."""
-    judged = law[5]
-    if told != SLIP:
-        return w, 1.0
-    foreseen = judged[A, 1], judged[A, 2], judged[A, 3]
-    if dot(foreseen, w) > ASIDE * norm(foreseen) * norm(w):
-        return w, 1.0
-    return foreseen, min(WEIGHT * law[6][A] / numbers.eps_t, 1.0)
-
-
-@njit(cache=True, error_model="numpy")
 def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Ints, Floats, Floats, Floats]:
     """status (ns,), N (ns,) and T_T (ns, 3) [pressure] times a share (ns,), T_T^tr (ns, 3) of the nodes."""
     gaps, ways, shift, judged = averaged[0], averaged[1], law[4], law[5]
@@ -269,8 +240,7 @@ def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[In
             continue
         numbers, press, w = _node_law(A, law, averaged), gaps[A] + shift[A], row(ways, A)
         decides = judged[A, 0] if len(judged) > 0 else press
-        told = _told(A, law, numbers, w)
-        along, _ = _leading(A, law, numbers, w, told)
+        told, along, _ = rubs(numbers, law[6][A], judged, A, ZERO, w)
         found = traction(numbers, Gaps(press, decides), ZERO, along, told)
         status[A], N[A] = found.status, share[A] * found.N
         T[A, 0], T[A, 1], T[A, 2] = times(share[A], found.tangential)
@@ -291,8 +261,7 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
         numbers, w = _node_law(A, law, averaged), row(ways, A)
         g = judged[A, 0] if len(judged) > 0 else gaps[A] + shift[A]
         gap = Gaps(g, g)
-        told = _told(A, law, numbers, w)
-        along, weight = _leading(A, law, numbers, w, told)
+        told, along, weight = rubs(numbers, law[6][A], judged, A, ZERO, w)
         found = traction(numbers, gap, ZERO, along, told)
         if found.status == OPEN:
             continue

@@ -9,8 +9,9 @@ Arrays travel in groups (tuples):
              tributary reference areas [length^2], spacing (ne,) of the points [length])
     tool     (kind, shape (4,), origin (3,), axes (3, 3), travel (3,)), kind and shape as in kernels/rigid_shapes.py
     law      (eps_n (ne,), eps_t (ne,), body (ne,): penalties and stiffness beneath [pressure/length], Friction of
-             kernels/law.py, touch [length], judged (ne nq,): pressures that points start from over -eps_n [length], which
-             decide their status and with which the tangent is taken; (0,): present ones)
+             kernels/law.py, touch [length], judged (ne nq, 4): pressures that points start from over -eps_n [length], with
+             which the tangent is taken, and ways in the tool's frame, see kernels/foreseen.py, which decide their status;
+             (0, 4): present ones)
     history  (anchor (ne, nq, 3) in the tool's frame, shift (ne, nq) [length]: multiplier over eps_n, by which a point
              presses more than its gap does)
 """
@@ -18,6 +19,7 @@ Arrays travel in groups (tuples):
 import numpy as np
 from numba import njit
 
+from fenics_contact.kernels.foreseen import rubs
 from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, partials, traction
 from fenics_contact.kernels.rigid_shapes import edge_cover, ends_sharply, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
@@ -29,8 +31,8 @@ Points = tuple[Floats, Floats, Floats, Floats]
 ToolPose = tuple[int, Floats, Floats, Floats, Floats]
 ElementLaws = tuple[Floats, Floats, Floats, Friction, float, Floats]
 ToolHistory = tuple[Floats, Floats]
-# force, tangent, traction, gap, status, cover of `contact_elements`
-Elements = tuple[Floats, Floats, Floats, Floats, Ints, Floats]
+# force, tangent, traction, gap, status, cover, rubbed of `contact_elements`
+Elements = tuple[Floats, Floats, Floats, Floats, Ints, Floats, Floats]
 Scratch = tuple[Floats, Floats, Floats, Floats, Floats]
 Rows = tuple[Vector, Vector, Vector]
 
@@ -93,11 +95,12 @@ def contact_elements(
     """Evaluate all contact elements of one surface with one tool. Pure: the anchors are read, never written.
 
     out: (force (ne, k, 3) = sum of a area T, tangent (ne, 3k, 3k) its derivative; per point traction (ne, nq, 3), gap,
-    status (ne, nq), and cover (ne, nq) = penalty over eps_n, below one where the point slides out under a sharp edge).
+    status (ne, nq), and cover (ne, nq) = penalty over eps_n, below one where the point slides out under a sharp edge; with a
+    tangent rubbed (ne, nq, 3, 5): friction's part of the traction, and its rates with gap and way, in the tool's frame).
     """
     a, area, axes = points[1], points[2], tool[3]
     eps_n, eps_t, body, friction, touch, judged = law
-    force, tangent, tractions, gap, status, cover = out
+    force, tangent, tractions, gap, status, cover, rubbed = out
     scratch, D = _scratch(), np.empty((3, 3))
     H, dcover = scratch[3:]
     ne, nq, k = a.shape
@@ -111,25 +114,41 @@ def contact_elements(
             gap[e, q], cover[e, q] = g, eps / eps_n[e]
             put(tractions, e, q, ZERO)
             press = g + history[1][e, q]
-            decides = judged[e * nq + q] if len(judged) > 0 else press
+            decides = judged[e * nq + q, 0] if len(judged) > 0 else press
             if decides > touch:  # most points of a surface are open: leave before any law is evaluated
                 status[e, q] = OPEN
                 continue
             numbers, gaps = Law(eps, eps_t[e], friction, touch), Gaps(decides if want_tangent else press, decides)
             w = minus(less(x, g, n), got(history[0], e, q))  # the foot by (3)
-            found = traction(numbers, gaps, n, w)
+            told, along, weight = rubs(numbers, body[e], judged, e * nq + q, n, w)
+            found = traction(numbers, gaps, n, along, told)
             status[e, q] = found.status
             T = _to_world(axes, found.T)
             put(tractions, e, q, T)
             for i in range(k):
                 put(force, e, i, less(got(force, e, i), -a[e, q, i] * area[e, q], T))
             if want_tangent:
-                rows = _rate(
-                    partials(numbers, gaps, n, w, found), g, n, H, times(by_cover, (dcover[0], dcover[1], dcover[2]))
-                )
+                by = _weighed(partials(numbers, gaps, n, along, found), weight)
+                pull = traction(numbers, Gaps(press, decides), n, along, told).tangential
+                _put_rubbed(rubbed, e, q, pull, by, n)
+                rows = _rate(by, g, n, H, times(by_cover, (dcover[0], dcover[1], dcover[2])))
                 for i in range(3):
                     D[i, 0], D[i, 1], D[i, 2] = _to_world(axes, of_three(row(axes, i), rows[0], rows[1], rows[2]))
                 _scatter_tangent(a, area, e, q, D, tangent)
+
+
+@njit(cache=True)
+def _weighed(by: Partials, weight: float) -> Partials:
+    """With a part of dT/dw."""
+    return Partials(by.g, by.eps_n, by.n, (times(weight, by.w[0]), times(weight, by.w[1]), times(weight, by.w[2])))
+
+
+@njit(cache=True)
+def _put_rubbed(rubbed: Floats, e: int, q: int, pull: Vector, by: Partials, n: Vector) -> None:
+    across = less(by.g, dot(n, by.g), n)
+    for i in range(3):
+        rubbed[e, q, i, 0], rubbed[e, q, i, 1] = pull[i], across[i]
+        rubbed[e, q, i, 2], rubbed[e, q, i, 3], rubbed[e, q, i, 4] = by.w[i]
 
 
 @njit(cache=True)

@@ -29,7 +29,8 @@ LOOSEST = 1e-3  # relative residual of an iterative solve far from balance
 # From which share of force out of balance on a solve with the factorisation at hand is tried, while each leaves less than
 # what share of it, by what it is: by multigrid a new tangent costs little more than a solve, of a small matrix no more than
 # two residuals. Averages lead samples after the surfaces between two tangents, which they need the sooner the stiffer
-# penalties are: there a substitution is tried early, elsewhere as iterations are
+# penalties are, and where friction is foreseen what sticks and slips is right sooner: there a substitution is tried early,
+# elsewhere as iterations are
 CORRECTED = {
     "substitution": (30 * HELD, 0.7), "iterations": (10 * HELD, 0.5), "cycles": (HELD, 0.3), "little": (0.1 * HELD, 0.1),
 }  # fmt: skip
@@ -97,7 +98,7 @@ class Newton:
         report, (du, dq) = StepReport(), system.begin_step(t)
         if not system.condensed:
             self._secants.forget()
-            gain, before, size = self._corrected(averages=True)[1], np.inf, _finite_residual(system)
+            gain, before, size = self._corrected(foretold=True)[1], np.inf, _finite_residual(system)
             while BELOW * self.tolerance < size < gain * before:
                 before, size = size, self._correct(system, du, dq, size, report)
             if balanced(system, size, self.tolerance):  # and without what they hold
@@ -122,18 +123,18 @@ class Newton:
             foresight.release()
             size = _finite_residual(system)
             left = 0.0
-            if foresight.settles and not np.isfinite(size):
+            if foresight.foretells and not np.isfinite(size):
                 size, left = self._upright(system, du, dq)
             if solve == 1:
                 upright(size)
-            shorten = size > before and not foresight.settles
+            shorten = size > before and left == 0.0 and not foresight.settles
             if shorten or left > 0.0:
                 self._secants.forget()
             if shorten:
                 size = self._shorten(system, du, dq, before, size, watch.cycling)
             goal = self.tolerance if size <= self.tolerance else BELOW * self.tolerance
             follows, reach = (FOLLOWED, HELD) if resample else (int(late), NEARLY * HELD)
-            worth, gain = self._corrected(foresight.settles)
+            worth, gain = self._corrected(foresight.foretells)
             while True:  # samples follow the surfaces, the factorisation at hand solves once more; then they are held
                 if follows and size < reach and (size > self.tolerance or follows == FOLLOWED):
                     size, before, follows, late = self._resampled(system, size), np.inf, follows - 1, late and resample
@@ -163,10 +164,10 @@ class Newton:
         watch.blame()
         raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
 
-    def _corrected(self, averages: bool) -> tuple[float, float]:
+    def _corrected(self, foretold: bool) -> tuple[float, float]:
         """Force out of balance from which on corrections are tried, and the share of it that each has to leave at most."""
         again = self.linear.again
-        if averages:
+        if foretold:
             return CORRECTED["substitution" if again == "little" else again]
         return CORRECTED["iterations" if again == "substitution" else again]
 

@@ -83,7 +83,7 @@ class Contact:
         self.u[self.nodes[0]] = tool.world(corners) - reference[self.nodes[0]]
         self.X = reference[self.nodes]
         self.travel = tool.travel.copy()
-        self.judged = np.empty(0)
+        self.judged = np.empty((0, 4))
         # anchors behind the projections: trial = eps_t * elastic slip
         self.anchor, self.shift = np.zeros((1, self.a.shape[1], 3)), np.zeros((1, self.a.shape[1]))
         self.anchor = self.commit(mu=0.0, touch=-np.inf)[0] - np.asarray(elastic, float)
@@ -102,13 +102,14 @@ class Contact:
         force, tangent = np.full((1, k, 3), np.nan), np.full((1, 3 * k, 3 * k), np.nan)
         T, gap, cover = np.full((1, nq, 3), np.nan), *(np.full((1, nq), np.nan) for _ in range(2))
         status = np.full((1, nq), -7, np.int32)
-        law, out = self._law(self.mu, self.touch), (force, tangent, T, gap, status, cover)
+        rubbed = np.zeros((1, nq, 3, 5))
+        law, out = self._law(self.mu, self.touch), (force, tangent, T, gap, status, cover, rubbed)
         history = self.anchor, self.shift
         element.contact_elements(*self._at(u, travel), law, history, want_tangent, out)
         assert np.array_equal(before, self.anchor)  # evaluation writes no history
         return {
             "force": force[0], "K": tangent[0], "T": T[0], "gap": gap[0], "status": status[0],
-            "cover": cover[0], "normal": self.normals(u, travel),
+            "cover": cover[0], "normal": self.normals(u, travel), "rubbed": rubbed[0],
         }  # fmt: skip
 
     def normals(self, u, travel):
@@ -567,8 +568,8 @@ def test_a_batch_is_its_elements_one_by_one():
     T, gap, cover = np.zeros((ne, 1, 3)), *(np.zeros((ne, 1)) for _ in range(2))
     status = np.zeros((ne, 1), np.int32)
     placed = tool.kind, tool.shape, tool.origin, tool.axes, tool.travel
-    points, law = (X + u[nodes], a, area, spacing), (eps_n, eps_t, body, coulomb(0.3), 0.0, np.empty(0))
-    out = force, tangent, T, gap, status, cover
+    points, law = (X + u[nodes], a, area, spacing), (eps_n, eps_t, body, coulomb(0.3), 0.0, np.empty((0, 4)))
+    out = force, tangent, T, gap, status, cover, np.zeros((ne, 1, 3, 5))
     element.contact_elements(points, placed, law, history, True, out)
     for e, r in enumerate(alone):
         assert status[e, 0] == r["status"][0] and gap[e, 0] == r["gap"][0] and cover[e, 0] == r["cover"][0]
@@ -581,7 +582,7 @@ def test_pressures_that_a_solve_starts_from():
     tool, n, elastic, eps_t = Tool(*PLACES["plane"][:2]), np.array([0.0, 0.0, 1.0]), (2e-3, 0.0, 0.0), EPS_N
     for depth, status in ((0.1, STICK), (1e-3, SLIP)):
         held = Contact(tool, (0.1, 0.2, 1e-4), n, mu=0.3, elastic=elastic, eps_t=eps_t)  # open, 1e-4 in front of the plane
-        held.judged = np.array([-depth])
+        held.judged = np.array([[-depth, *elastic]])
         there = Contact(tool, (0.1, 0.2, -depth), n, mu=0.3, elastic=elastic, eps_t=eps_t)
         loose, meant = held.evaluate(), there.evaluate()
         assert loose["status"][0] == meant["status"][0] == status
@@ -590,6 +591,59 @@ def test_pressures_that_a_solve_starts_from():
             -(1e-4 + depth) * tool.axes[:, 2]
         )  # to where that pressure is the gap's
         np.testing.assert_allclose(moved, meant["force"][0], rtol=0, atol=1e-10 * np.abs(meant["force"]).max())
+
+
+LIMIT = 0.3 * EPS_N * 0.1 / EPS_T  # way at which a point at a depth of 0.1 slips under mu = 0.3
+
+
+def rubbed_at(elastic, foreseen):
+    """A point at that depth in a flat tool, with its way of friction and the foreseen one in the plane; what it does there,
+    its friction in the tool's axes."""
+    point = Contact(Tool(*PLACES["plane"][:2]), (0.1, 0.2, -0.1), np.array([0.0, 0.0, 1.0]), mu=0.3, elastic=(*elastic, 0.0))
+    point.judged = np.array([[-0.1, *foreseen, 0.0]])
+    result = point.evaluate()
+    return point, result, (result["T"][0] @ point.tool.axes)[:2]
+
+
+@pytest.mark.parametrize(
+    "elastic, foreseen, status",
+    [
+        ((0.5, 0.0), (2.0, 0.0), SLIP),  # within the cone, but the solve foresaw more than it can hold
+        ((2.0, 0.0), (0.5, 0.0), STICK),  # beyond it, as a tool that turns leaves points off the tangents of its circles
+        ((-0.5, 0.0), (2.0, 0.0), STICK),  # before it slides that way it sticks
+        ((1.5, 1.5), (2.0, 0.0), SLIP),
+        ((0.2, 1.5), (2.0, 0.0), SLIP),
+    ],
+)
+def test_ways_that_a_solve_foresaw_decide(elastic, foreseen, status):
+    elastic, foreseen = (LIMIT * np.array(way) for way in (elastic, foreseen))
+    _, result, friction = rubbed_at(elastic, foreseen)
+    assert result["status"][0] == status
+    if status == STICK:
+        np.testing.assert_allclose(friction, EPS_T * elastic, rtol=0, atol=1e-12)
+    else:  # by its own way, where this does not lead far aside
+        along = elastic if elastic @ foreseen > 0.4 * np.linalg.norm(elastic) * np.linalg.norm(foreseen) else foreseen
+        np.testing.assert_allclose(friction, EPS_T * LIMIT * along / np.linalg.norm(along), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("elastic", [(0.5, 0.2), (1.5, 1.2)], ids=["stick", "slip"])
+def test_rates_of_friction_that_foretell_it(elastic):
+    """With gap and way, against differences of the friction that nothing foretells."""
+    elastic, normal, h = LIMIT * np.array([*elastic, 0.0]), np.array([0.0, 0.0, 1.0]), 1e-6
+    tool = Tool(*PLACES["plane"][:2])
+
+    def friction(depth, way):
+        result = Contact(tool, (0.1, 0.2, -depth), normal, mu=0.3, elastic=way).evaluate()
+        return (result["T"][0] @ tool.axes) * [1.0, 1.0, 0.0], result["rubbed"][0]
+
+    at, rubbed = friction(0.1, elastic)
+    np.testing.assert_allclose(rubbed[:, 0], at, rtol=0, atol=1e-12)
+    deeper = (friction(0.1 - h, elastic)[0] - friction(0.1 + h, elastic)[0]) / (2 * h)
+    np.testing.assert_allclose(rubbed[:, 1], deeper, rtol=0, atol=1e-7)
+    for axis in range(2):
+        step = h * np.eye(3)[axis]
+        further = (friction(0.1, elastic + step)[0] - friction(0.1, elastic - step)[0]) / (2 * h)
+        np.testing.assert_allclose(rubbed[:, 2 + axis], further, rtol=0, atol=1e-7)
 
 
 # ---- compiled against plain Python
