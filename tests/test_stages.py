@@ -57,12 +57,12 @@ def block():
     return read_gmsh(box.build, size=(8.0, 8.0, 4.0), cells=(4, 4, 2))
 
 
-def pressed(friction=0.3):
+def pressed(friction=0.3, **exactly):
     """A block under a ball that starts on its top."""
     scene = Scene(Body(block(), "box", LAW))
     scene.fix("zmin")
     ball = rigid_sphere(5.0, (4.0, 4.0, 9.0), name="ball")
-    scene.contact("zmax", ball, friction, name="top")
+    scene.contact("zmax", ball, friction, name="top", **exactly)
     return scene, ball
 
 
@@ -945,6 +945,23 @@ def test_a_start_that_does_not_fit_is_refused(folder):
     renamed.contact("zmax", ball, 0.3, name="another")
     result = solve(renamed, move={ball: (0, 0, -0.1)}, steps=1, start=first, **TIGHT).require()
     assert any("'another' starts without a history" in note for note in result.verdict.notes)
+
+
+@pytest.mark.parallel
+def test_multipliers_take_over_from_a_run_by_penalties():
+    """Such a run has none; friction goes on all the same, where the contact was said to have no history and slid anew."""
+
+    def ended(start=None, **exactly):
+        scene, ball = pressed(**exactly)
+        if start is not None:
+            return solve(scene, move={ball: (0, 0, -1e-9)}, steps=1, start=start, **TIGHT).require()
+        ways = {"press": (0, 0, -1.0), "drag": (0.3, 0, 0)}
+        stages = [Stage(name, move={ball: way}, steps=3) for name, way in ways.items()]
+        return solve(scene, stages=stages, **TIGHT).require()
+
+    exact, taken = ended(penetration=1e-5), ended(ended(), penetration=1e-5)
+    assert taken.column("top_force_x_N")[-1] == pytest.approx(exact.column("top_force_x_N")[-1], rel=0.01)
+    assert not any("without a history" in note for note in taken.verdict.notes)
 
 
 @pytest.mark.parallel

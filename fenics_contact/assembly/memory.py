@@ -98,13 +98,14 @@ class Memory:
         kept, left = [], []
         for term in system.terms:
             own = term.history()
+            # what of it the other scene had no use for, as multipliers, is as at rest
+            known = [name for name in own if f"{_label(term)}/{name}" in there]
             try:
-                known = all(f"{_label(term)}/{name}" in there for name in own)
-                values = {name: self._rows(arrays, f"{_label(term)}/{name}", term.key) for name in own} if known else None
+                values = {name: self._rows(arrays, f"{_label(term)}/{name}", term.key) for name in known}
             except ValueError:  # it has other points
-                values = None
-            kept.append(own if values is None else values)
-            left += [term.name] if values is None and term in system.contacts else []
+                values = {}
+            kept.append(own | values)
+            left += [term.name] if not values and term in system.contacts else []
         system.scales.resume(*comm.bcast(arrays and [arrays["force_scale"], arrays["stiffness"]]))
         system.trail.resume(q, 0.0, kept)
         system.assemble_residual()
