@@ -319,8 +319,9 @@ def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
     path.follow(lambda report, *_: reports.append(report), verdict)
     assert verdict.converged and abs(system.state.t - 1.0) <= 1e-6, verdict.reason
     report = reports[-1]
-    left = max(COMM.allgather(contact.multipliers.misfit(system.state))) * 1e-9
+    left, after = report.misfits[-1] * 1e-9, max(COMM.allgather(contact.multipliers.misfit(system.state))) * 1e-9
     assert report.augmentations == 8 and report.misfits[-1] == min(report.misfits) < report.misfits[0]
+    assert 1e-9 < after <= left  # what slips slips anew from where the step has left it
     *_, note = report.said
     # in vain, for want of points that the facets could follow
     assert any("contact 'c': multipliers gained too little" in line for one in reports for line in one.said)

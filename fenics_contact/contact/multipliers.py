@@ -22,16 +22,19 @@ class Multipliers:
     """Those of a contact with a largest penetration [length]: the penalty carries only what they do not yet carry.
 
     Between accepted steps they grow by Uzawa's rule (Simo & Laursen 1992, doi:10.1016/0045-7949(92)90540-G): lambda <-
-    min(lambda + eps_N g, 0) and, where a point sticks, lambda_T <- lambda_T + eps_T times its slip since it came to rest,
-    which is kept in the place of its anchor. A point half out under a sharp edge keeps the body's spring that acts there in
-    series with the penalty (cover = its share of eps_N): lambda <- cover (lambda + eps_N g) leaves that spring alone.
+    min(lambda + eps_N g, 0) and lambda_T <- lambda_T + eps_T times a point's slip since it came to rest, brought back to the
+    limit of friction, which is kept in the place of its anchor. What slips needs that, too: a limit that falls leaves a
+    greater lambda_T of old that goes on pushing where it did, whatever way the point is led. A point half out under a sharp
+    edge keeps the body's spring that acts there in series with the penalty (cover = its share of eps_N): lambda <- cover
+    (lambda + eps_N g) leaves that spring alone.
     """
 
     def __init__(self, contact: Contact) -> None:
         self._contact = contact
 
     def misfit(self, state: State) -> float:
-        """Largest error of this rank's points over what is allowed: penetration, pressure across a gap, slip in stick."""
+        """Largest error of this rank's points over what is allowed: penetration, pressure across a gap, slip in stick
+        or not along friction."""
         contact, trial = self._contact, self._contact.trial
         feet, status = contact.places.feet(state), contact.response(state).status
         slips = contact.partner.anchors.slips(feet, trial, status).max(initial=0.0)

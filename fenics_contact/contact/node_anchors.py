@@ -7,7 +7,7 @@ from fenics_contact.contact.meeting import MortarFeet
 from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import own
-from fenics_contact.contact.partner import worked
+from fenics_contact.contact.partner import strayed, worked
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
@@ -67,32 +67,33 @@ class NodeAnchors:
         return self._behind(feet, anchors, ~stuck | missing.any(axis=1), slips), slid[:, None]
 
     def slips(self, feet: MortarFeet, trial: Trial, status: Ints) -> Floats:
-        """What the penalty gave way in stick (ns, 1) [length]."""
-        grown, slips, pulled = self._grown(feet, trial)
-        return np.where((status.ravel() == STICK) & grown, np.linalg.norm(slips - pulled, axis=1), 0.0)[:, None]
+        """See `Anchoring.slips`."""
+        of, slip, _, pulled = self._rubbing(feet, trial)
+        slips = (status.ravel() == SLIP)[:, None]
+        wrong = np.linalg.norm(np.where(slips, strayed(pulled, slip), slip), axis=1)
+        return np.where((status.ravel() >= STICK) & of, wrong, 0.0)[:, None]
 
     def slid(self, feet: MortarFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`; what the body's spring of a node covered in part gives way is no slip, as in `resting`."""
-        ways, rested = self._rested(feet, trial.history.rests)
-        averaged, _, _, T, pulled = self._laws.tractions(feet, trial)
-        stick = self._laws.stick(averaged, trial)
-        slip = ways - (1.0 - self._laws.softened(averaged, trial)[:, None]) * T / stick
-        slips = ((status.ravel() == SLIP) & rested)[:, None]
-        slid, rubbed = np.linalg.norm(slip, axis=1), worked(pulled / stick, slip)
+        of, slip, _, pulled = self._rubbing(feet, trial)
+        slips = ((status.ravel() == SLIP) & of)[:, None]
+        slid, rubbed = np.linalg.norm(slip, axis=1), worked(pulled, slip)
         return np.where(slips, slid[:, None], 0.0), np.where(slips, rubbed[:, None], 0.0)
 
     def augmented(self, feet: MortarFeet, trial: Trial, status: Ints, share: float) -> Anchors:
-        """Uzawa's update of friction: anchors that give sticking nodes a traction greater by a share of eps_T times slip."""
-        grown, slips, pulled = self._grown(feet, trial)
-        return self._behind(feet, trial.history.anchors, grown, pulled + share * (slips - pulled))
+        """See `Anchoring.augmented`."""
+        of, slip, held, pulled = self._rubbing(feet, trial)
+        return self._behind(feet, trial.history.anchors, of, pulled + share * (held + slip - pulled))
 
-    def _grown(self, feet: MortarFeet, trial: Trial) -> tuple[Bools, Floats, Floats]:
-        """Which nodes stick since they came to rest, and slips (ns, 3) [length] of their tractions after Uzawa's update and
-        now. A node covered in part keeps the body's spring, as it does along the normal."""
+    def _rubbing(self, feet: MortarFeet, trial: Trial) -> tuple[Bools, Floats, Floats, Floats]:
+        """Which nodes stick or slip since they came to rest, their slips (ns, 3) since, and their friction and its trial
+        over eps_T (ns, 3) [length]. What the spring of a node covered in part gives way is no slip, as in `resting`."""
         ways, rested = self._rested(feet, trial.history.rests)
-        averaged, found, _, _, trial_traction = self._laws.tractions(feet, trial)
-        pulled = trial_traction / self._laws.stick(averaged, trial)
-        return (found == STICK) & rested, self._laws.softened(averaged, trial)[:, None] * pulled + ways, pulled
+        averaged, found, _, T, trial_traction = self._laws.tractions(feet, trial)
+        stick = self._laws.stick(averaged, trial)
+        held, pulled = T / stick, trial_traction / stick
+        slip = ways - (1.0 - self._laws.softened(averaged, trial)[:, None]) * held
+        return (found >= STICK) & rested, slip, held, pulled
 
     def _rested(self, feet: MortarFeet, rests: Anchors) -> tuple[Floats, Bools]:
         """Ways (ns, 3) since the samples came to rest, and which nodes have such."""

@@ -76,14 +76,21 @@ class Anchoring(Protocol):
 
     def committed(self, feet: Any, trial: Trial) -> tuple[Anchors, Floats]: ...
 
-    def slips(self, feet: Any, trial: Trial, status: Ints) -> Floats: ...
+    def slips(self, feet: Any, trial: Trial, status: Ints) -> Floats:
+        """What is wrong (ne, nq) in the ways of points since they came to rest: what the penalty gave way in stick, and in
+        slip what is not along the friction; 0 for others [length]."""
+        ...
 
     def slid(self, feet: Any, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """How far points that slip (ne, nq) have come from where they rested last, 0 for others, and the way on which their
         friction has worked: with the multipliers that it has now it turns into the way's direction as it slips [length]."""
         ...
 
-    def augmented(self, feet: Any, trial: Trial, status: Ints, share: float) -> Anchors: ...
+    def augmented(self, feet: Any, trial: Trial, status: Ints, share: float) -> Anchors:
+        """Uzawa's update of friction by a share: anchors under which the multiplier of a point that sticks or slips is the
+        friction that it has now, within its limit. Friction then grows by eps_T times the slip once more: where points went
+        as their old friction pushed them it falls below its limit, and they stick."""
+        ...
 
     def stiffened(self, feet: Any, trial: Trial, rests: Anchors, factor: float) -> Anchors: ...
 
@@ -163,6 +170,14 @@ def weighed(foreseen: Floats, found: Floats, share: Floats) -> Floats:
     against what rubs it has none: it sticks before it slides that way."""
     turned = np.einsum("...c,...c->...", foreseen, found)[..., None] < 0.0
     return foreseen + np.where(turned, 0.0, share) * (found - foreseen)
+
+
+def strayed(pulled: Floats, slip: Floats) -> Floats:
+    """What of a slip (..., 3) friction cannot work on: all but what is along its trial traction over eps_T, pulled (..., 3);
+    all where there is none [length]."""
+    along, square = (np.einsum("...c,...c->...", pulled, one) for one in (slip, pulled))
+    part = np.where(along > 0.0, along / np.where(square > 0.0, square, 1.0), 0.0)
+    return slip - part[..., None] * pulled
 
 
 class SingleAnchors:

@@ -34,18 +34,18 @@ class PointAnchors(SingleAnchors):
         return new, sliding.reshape(self._shape)
 
     def slips(self, feet: FacetFeet, trial: Trial, status: Ints) -> Floats:
-        """What the penalty gave way in stick (ne, nq) [length]."""
+        """See `Anchoring.slips`."""
         ways = self._since(trial.history.rests, feet, trial, (1.0, 1.0))[1]
-        return np.where(status == STICK, ways[:, 0].reshape(self._shape), 0.0)
+        return np.where(status >= STICK, ways[:, 2].reshape(self._shape), 0.0)
 
     def slid(self, feet: FacetFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`."""
         ways = self._since(trial.history.rests, feet, trial, (1.0, 1.0))[1]
-        slid, rubbed = (np.where(status == SLIP, way.reshape(self._shape), 0.0) for way in ways.T)
+        slid, rubbed = (np.where(status == SLIP, way.reshape(self._shape), 0.0) for way in ways[:, :2].T)
         return slid, rubbed
 
     def augmented(self, feet: FacetFeet, trial: Trial, status: Ints, share: float) -> Anchors:
-        """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
+        """See `Anchoring.augmented`."""
         return self._since(trial.history.rests, feet, trial, (share, 1.0))[0]
 
     def stiffened(self, feet: FacetFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
@@ -55,7 +55,7 @@ class PointAnchors(SingleAnchors):
     def _since(
         self, rests: Anchors, feet: FacetFeet, trial: Trial, grown: tuple[float, float]
     ) -> tuple[tuple[Ints64, Floats], Floats]:
-        """Anchors and ways (np, 2) since points came to rest, see `anchors_since_rest`."""
+        """Anchors and ways (np, 3) since points came to rest, see `anchors_since_rest`."""
         pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
         nodes, weights, ways = anchors_since_rest(pairs, own(rests), laws, grown)
         return (nodes, weights), ways

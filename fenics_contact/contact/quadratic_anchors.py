@@ -64,6 +64,6 @@ class QuadraticAnchors(PointAnchors):
         touching, pairs, rested = self._from_rest(feet, trial, rests)
         laws = self._partner.laws_at(feet, trial, touching.at)
         nodes, weights, gone = flat.anchors_since_rest(pairs, rested, laws, grown)
-        ways = np.zeros((np.prod(self._shape), 2))
+        ways = np.zeros((np.prod(self._shape), 3))
         ways[touching.at] = gone
         return self._kept(touching, own(trial.history.anchors), (nodes, weights)), ways

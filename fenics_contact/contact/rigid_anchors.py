@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fenics_contact.assembly.trial import Trial
-from fenics_contact.contact.partner import SingleAnchors, worked
+from fenics_contact.contact.partner import SingleAnchors, strayed, worked
 from fenics_contact.contact.rigid_places import RigidFeet
 from fenics_contact.kernels.rigid_element import committed_anchors
 from fenics_contact.kernels.status import SLIP, STICK
@@ -33,8 +33,10 @@ class RigidAnchors(SingleAnchors):
         return (new,), sliding
 
     def slips(self, feet: RigidFeet, trial: Trial, status: Ints) -> Floats:
-        """What the penalty gave way in stick (ne, nq) [length]."""
-        return np.linalg.norm(self.slip(feet, trial, trial.history.rests, status == STICK), axis=2)
+        """See `Anchoring.slips`."""
+        slip = self.slip(feet, trial, trial.history.rests, status >= STICK)
+        pulled = self.slip(feet, trial, trial.history.anchors, status == SLIP)
+        return np.linalg.norm(strayed(pulled, slip), axis=2)
 
     def slid(self, feet: RigidFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`."""
@@ -52,8 +54,10 @@ class RigidAnchors(SingleAnchors):
         return np.where(np.broadcast_to(which, moved.shape[:2])[..., None], moved - along, 0.0)
 
     def augmented(self, feet: RigidFeet, trial: Trial, status: Ints, share: float) -> Anchors:
-        """Uzawa's update of friction: anchors that give sticking points a traction greater by share eps_T times slip."""
-        return (trial.history.anchors[0] - share * self.slip(feet, trial, trial.history.rests, status == STICK),)
+        """See `Anchoring.augmented`."""
+        anchor, slip = trial.history.anchors[0], self.slip(feet, trial, trial.history.rests)
+        behind = self.committed(feet, trial)[0][0] - slip  # by the friction within its limit, and by the slip once more
+        return (np.where((status >= STICK)[..., None], anchor + share * (behind - anchor), anchor),)
 
     def stiffened(self, feet: RigidFeet, trial: Trial, rests: Anchors, factor: float) -> Anchors:
         """Anchors that greater penalties need for points that slip on from rest as they do."""

@@ -144,17 +144,19 @@ def committed_anchors(pairs: Pairs, law: PointLaws, new_anchors: Anchors, slidin
 def anchors_since_rest(
     pairs: Pairs, rests: Anchors, law: PointLaws, grown: tuple[float, float]
 ) -> tuple[Ints64, Floats, Floats]:
-    """Anchors that give points T_T^tr + share eps_T s under a tangential penalty factor eps_T; grown = (share, factor).
+    """Anchors of points that stick or slip, from the slip s = P(n) (x_M - x_rest) since they came to rest; rests: like
+    anchors, places x_rest; grown = (share, factor).
 
-    s = P(n) (x_M - x_rest) is the slip since a point came to rest; rests: like anchors, places x_rest.  (share, 1) is
-    Uzawa's update of friction, for points that stick.  (factor - 1, factor) lets points that stick or slip go on as they
-    do where the penalty grows: their traction is the same at rest.  Returns nodes and weights, on the points' present
-    facets, and ways (np, 2) [length]: |s| of points that stick, |x_M - x_rest| of those that slip, and |T_T^tr| / eps_T less
-    what it is at rest; anchors of other points stay, and their ways are 0.
+    (share, 1) is Uzawa's update of friction: T_T^tr + share (T_T + eps_T s - T_T^tr), in stick T_T^tr + share eps_T s.
+    (factor - 1, factor) lets points go on as they do where the penalty grows: T_T^tr + (factor - 1) eps_T s under a
+    tangential penalty factor eps_T, so that their traction is the same at rest.  Returns nodes and weights, on the points'
+    present facets, and ways (np, 3) [length]: |s| of points that stick, |x_M - x_rest| of those that slip; |T_T^tr| / eps_T
+    less what it is at rest; and |s| in stick, of what is not along the friction in slip.  Anchors of other points stay, and
+    their ways are 0.
     """
     coords, slaves, surface, projection, anchors = pairs
     resting = coords, slaves, surface, projection, rests
-    nodes, weights, ways = anchors[0].copy(), anchors[1].copy(), np.zeros((len(anchors[0]), 2))
+    nodes, weights, ways = anchors[0].copy(), anchors[1].copy(), np.zeros((len(anchors[0]), 3))
     eps_t, (share, factor) = law[1], grown
     for q in range(len(ways)):
         if projection[1][q] == NONE or anchors[0][q, 0] < 0 or rests[0][q, 0] < 0:
@@ -168,7 +170,9 @@ def anchors_since_rest(
         ways[q, 0] = norm(slip) if found.status == STICK else norm(rested.w)
         pulled = times(1.0 / eps_t[q], found.trial)
         ways[q, 1] = norm(pulled) - norm(minus(pulled, slip))
-        if found.status == STICK or factor != 1.0:
-            _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
-            slide_anchor(q, pair, plus(found.trial, times(share * eps_t[q], slip)), factor * eps_t[q], weights)
+        along = dot(pulled, slip) if found.status == SLIP else 0.0
+        ways[q, 2] = norm(less(slip, along / dot(pulled, pulled), pulled)) if along > 0.0 else norm(slip)
+        kept = less(found.trial, share, minus(found.trial, found.tangential)) if factor == 1.0 else found.trial
+        _keep(q, nodes, weights, surface[0], projection[0][q], pair.N)
+        slide_anchor(q, pair, plus(kept, times(share * eps_t[q], slip)), factor * eps_t[q], weights)
     return nodes, weights, ways

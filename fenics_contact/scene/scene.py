@@ -305,10 +305,10 @@ class Scene:
         tools, which have one normal at a place, and on a body where it is smooth, for the force jumps at the edges of its
         facets. By default nodes on an analytic tool (3 where quadratic tetrahedra meet it), averages on a body or a meshed
         tool: linear pressures at any degree.
-        penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, at the end of a
-        step: multipliers take over from the penalty until that holds (augmented Lagrangian), and a default penalty is raised
-        where they gain too little; of Gauss points on facets take one, of degree 2 two, for a facet cannot follow another
-        surface in more. By default the penalty alone.
+        penetration: how deep [length] a point may lie in the master, and how far one that sticks may slip, or one that slips
+        may do so aside of its friction, at the end of a step: multipliers take over from the penalty until that holds
+        (augmented Lagrangian), and a default penalty is raised where they gain too little; of Gauss points on facets take
+        one, of degree 2 two, for a facet cannot follow another surface in more. By default the penalty alone.
         name: of its columns, by default of slave and master.
         """
         slave, master = sides(slave, master)

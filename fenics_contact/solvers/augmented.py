@@ -189,7 +189,7 @@ class _Place:
         for term, worst in misfits(system).items():
             if worst > 1.0 and term.penetration is not None:
                 off, allowed = worst * term.penetration, term.penetration
-                left = f"off by {off:.3g}, in depth or by slip in stick, and may be by {allowed:.3g}"
+                left = f"off by {off:.3g}, in depth or by slip, in stick or not along friction, and may be by {allowed:.3g}"
                 remedy = f"{term.penalties.remedy}, take fewer points= per facet, or allow more"
                 report.unkept[term.name] = off, f"{UNKEPT}, a point is {left} ({failure}); {remedy}"
             else:

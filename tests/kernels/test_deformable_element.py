@@ -296,6 +296,29 @@ def test_augmented_friction_adds_the_slip_to_the_elastic_one(name, share):
     np.testing.assert_allclose(after["T"], r["T"] + share * EPS_T * slip, atol=1e-10 * EPS_T)  # round-off of the foot, 1e-12
 
 
+@pytest.mark.parametrize("share", [1.0, 0.25])
+@pytest.mark.parametrize(
+    "name", [n for n in TOUCHING if STATES[n][1] == SLIP and STATES[n][2] == INTERIOR and "tension" not in n]
+)
+def test_augmented_friction_of_what_slips_is_taken_within_its_limit(name, share):
+    """T_T^tr' = T_T^tr + share (T_T + eps_T s - T_T^tr): the multiplier beneath becomes what the point has, by a share."""
+    pair, r = build(name)
+    rest = (np.array([[0, 1, 2, 3]]), np.array([[0.3, 0.3, 0.2, 0.2]]))
+    pairs, endless = (pair.coords, pair.slaves, pair.surface, pair.project(pair.coords), pair.anchors), coulomb(1e3)
+    *new, ways = element.anchors_since_rest(pairs, rest, pair.law, (share, 1.0))
+    across = np.eye(3) - np.outer(r["normal"], r["normal"])
+    foot = pair.slaves[1][0] @ pair.coords[pair.slaves[0][0]] - r["gap"] * r["normal"]
+    slip = across @ (foot - rest[1][0] @ pair.coords[rest[0][0]])
+    way = across @ r["T"] / np.linalg.norm(across @ r["T"])
+    np.testing.assert_allclose(ways[0, 2], np.linalg.norm(slip - max(slip @ way, 0.0) * way), rtol=1e-9)
+    pair.law = (*pair.law[:2], endless, *pair.law[3:])
+    trial = across @ pair.evaluate(want_tangent=False)["T"]
+    pair.anchors = tuple(new)
+    after = across @ pair.evaluate(want_tangent=False)["T"]
+    expected = trial + share * (across @ r["T"] + EPS_T * slip - trial)
+    np.testing.assert_allclose(after, expected, atol=1e-10 * EPS_T)  # round-off of the foot, 1e-12
+
+
 @pytest.mark.parametrize("name", [n for n in ALL if STATES[n][1] == SLIP and "tension" not in n])
 def test_taylor_when_the_slip_direction_turns(name):
     pair, r = build(name)
