@@ -254,6 +254,58 @@ def test_what_slips_goes_on_from_the_traction_it_had(whole):
     np.testing.assert_allclose(after.traction, before.traction, atol=1e-10 * np.abs(before.traction).max())
 
 
+# ---- slip is tangential to the node
+@pytest.mark.serial
+@pytest.mark.parametrize("whole", [True, False])
+def test_ways_are_tangential_to_the_nodes_and_foreseen(whole):
+    """On rough, bent faces that stretch; what is foreseen leaves the square of the motion."""
+    moved = (0.03, 0.01, -0.02)
+    system, contact = deformed("averages", 9.0, moved) if whole else overhanging("lower_top", 9.0, moved)
+    state, start, way, left = system.state, system.state.u.x.array.copy(), random_way(system), []
+    sticks = contact.response(state).status.ravel() == STICK
+    assert sticks.sum() > 10
+
+    def ways():
+        feet = contact.places.feet(state)
+        return feet, contact.partner.anchors._laws.averages(feet, contact.trial.history.anchors)[1][sticks]
+
+    feet, found = ways()
+    around = contact.places.around
+    normals = np.empty((len(sticks), 3))
+    normals[around.number] = feet.normals[around.group]  # one at each node: there are no creases
+    assert np.abs((found * normals[sticks]).sum(axis=1)).max() < 1e-14 < 1e-4 < np.linalg.norm(found, axis=1).min()
+    for step in 1e-5 / 2.0 ** np.arange(4):
+        state.u.x.array[:] = start
+        system.assemble_tangent()
+        state.u.x.array[:] = start + step * way
+        system.foresight.foresee(state)
+        foreseen = contact.trial.judged.reshape(-1, 4)[sticks, 1:]
+        system.foresight.release()
+        left.append(np.linalg.norm(foreseen - ways()[1]))
+    assert orders(np.array(left)).min() > 1.98
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("stiff", [{"penalty": Penalty(factor=1e4)}, {"penetration": 1e-5}], ids=["penalty", "multipliers"])
+def test_what_the_master_bends_as_it_stretches_does_not_slip(stiff):
+    """A block pressed straight down on a wider one: its edges slide out, between them it sticks, in its middle without any
+    friction. What stretches there had a slip along the normals, which penalties so stiff brought to the limit."""
+    sides = {"low": ((0.0, -2.0), (8.0, 2.0), (16, 4)), "up": ((3.0, 0.0), (2.0, 1.5), (6, 3))}
+    mesh, rubber = read_gmsh(rectangles.build, rectangles=sides), neo_hooke(0.5, K=500.0)
+    scene = Scene(Body(mesh, "low", rubber), Body(mesh, "up", rubber), plane="strain", element="mixed")
+    scene.fix("low_ymin")
+    scene.fix("up_ymax", "x")
+    scene.prescribe("up_ymax", "y", -0.3)
+    scene.contact("up_ymin", "low_ymax", friction=0.3, name="c", **stiff)
+    result = solve(scene, steps=4, out=Output(progress=False)).require()
+    line = result.line("c", along="x")
+    rubs = np.hypot(line["friction_x_MPa"], line["friction_y_MPa"]) / (0.3 * line["pressure_MPa"])
+    assert line["status"].tolist() == [SLIP, *[STICK] * 5, SLIP]
+    np.testing.assert_allclose(rubs[[0, -1]], 1.0, rtol=1e-3)  # of a bent patch
+    assert rubs[1:-1].max() < 0.8 and rubs[3] < 1e-6
+    assert not any("bent along it" in note for note in result.verdict.notes)
+
+
 # ---- Newton's method
 DEPTH = 0.125  # of a layer [mm]
 
@@ -302,7 +354,8 @@ def test_solves_do_not_grow_with_the_penalty():
 def test_slave_and_master_may_be_swapped():
     plain, force = ironed(10, 4, friction=0.3)
     swapped, other = ironed(10, 4, swapped=True, friction=0.3)
-    assert swapped.verdict.cuts == 0 and swapped.verdict.iterations <= 1.6 * plain.verdict.iterations
+    assert swapped.verdict.cuts == plain.verdict.cuts == 0
+    assert plain.verdict.iterations <= 2 * 14 and swapped.verdict.iterations <= 3 * 14  # tangents a step
     assert np.abs(other / force + 1).max() < 0.02  # the forces' other way; the discretisation's error
 
 

@@ -16,12 +16,13 @@ from fenics_contact.types import Bools, Floats
 
 class MortarFeet(NamedTuple):
     """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
-    their mean normals and turns (ns, 3, 4) of kernels/normals.py; what these normals meet; pose: of a tool."""
+    their mean normals; normals (ng, 3) and turns (ns, 3, 4) of kernels/normals.py; what the means meet; pose: of a tool."""
 
     samples: Samples
     coords: Floats
     points: Floats
     lengths: Floats
+    normals: Floats
     turns: Floats
     met: kernel.Met
     pose: Pose | None
@@ -38,7 +39,7 @@ class MortarFeet(NamedTuple):
 
     def pairs(self, facets: Surface, anchors: kernel.Anchors) -> kernel.Pairs:
         """Samples and the master's facets, as kernels/mortar.py takes them."""
-        return self.coords, self.samples.slaves, facets, self.met, anchors
+        return self.coords, self.samples.slaves, facets, self.met, anchors, self.normals
 
 
 class Linearised(NamedTuple):

@@ -46,10 +46,13 @@ class NodeAnchors:
         some = np.flatnonzero(renewed & slips.any(axis=1))
         table = s.table[some]
         share = np.where(feet.seated[some], s.share[some] * feet.met[6][table], 0.0)
-        # a mean of P(n_q) slip is shorter than the slip where normals differ
-        n, whole = feet.projection[5][table], np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
-        along = np.einsum("nj,njc,njd->ncd", share, n, n)
-        apart = np.linalg.pinv(np.eye(3) - along / whole, rcond=FLAT, hermitian=True)
+        # a mean of P(m) P(n_q) slip, m: the node's own normal, is shorter than the slip where normals differ
+        corner = s.anchor[some] % s.slaves.N.shape[1]
+        n, m = feet.projection[5][table], feet.normals[s.slaves.group[s.slaves.facet[table], corner]]
+        along = np.einsum("nj,njc,njd->ncd", share, n, n) + np.einsum("nj,njc,njd->ncd", share, m, m)
+        both = np.einsum("nj,njc,njd->ncd", share * np.einsum("njc,njc->nj", m, n), m, n)
+        whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
+        apart = np.linalg.pinv(np.eye(3) + (both - along) / whole, rcond=FLAT)
         slip[some] = np.einsum("ncd,nd->nc", apart, slips[some])
         return kernel.anchors_behind(feet.pairs(self._places.facets, own(anchors)), (renewed, slip))
 

@@ -134,7 +134,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         normals, turns = self.around.normals(coords)
         points, directions, lengths = self.samples.at(coords, normals)
         met = self._covered(points, coords, project(points, -directions, coords))
-        return MortarFeet(self.samples, coords, points, lengths, turns, met, pose)
+        return MortarFeet(self.samples, coords, points, lengths, normals, turns, met, pose)
 
     def _covered(self, points: Floats, coords: Floats, projection: Projection) -> kernel.Met:
         """The projection without what lies off the master, and how much of each sample lies over it."""

@@ -2,8 +2,10 @@
 
 Sample points q of the slave's facets look along averaged normals and meet the master at a foot.  Gap and way of a node A are
 means over the samples around it, weighted with its shape function N_A and with how much of them lies over the master
-(kernels/coverage.py); its traction acts through all of them.  Where only a part s of a node's area is covered, its penalties
-are in series with the body beneath, 1/eps_A = 1/eps + (1 - s)/(s kappa E/h): what is nearly off the master hardly presses.
+(kernels/coverage.py); its traction acts through all of them.  Of a sample's way counts what is tangential to the node, too:
+where a bent surface stretches, a mean of ways across normals that differ has a part along the node's own, which is no slip.
+Where only a part s of a node's area is covered, its penalties are in series with the body beneath,
+1/eps_A = 1/eps + (1 - s)/(s kappa E/h): what is nearly off the master hardly presses.
 
 Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3) are present positions of nodes [length]:
     slaves     see Slaves
@@ -12,7 +14,7 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3
                kernels/coverage.py, N (np, 3, l): shape functions of the master's facet, of l nodes, at the feet, with
                their two derivatives, and frames (np, 5, 3): x, r1, r2, c1, c2 of each Foot)
     anchors    (nodes (np m, l), weights (np m, l)): for each sample and each corner of its facet; nodes[:, 0] = -1: none yet
-    pairs      (coords, slaves, surface, met, anchors)
+    pairs      (coords, slaves, surface, met, anchors, normals (ng, 3) of the groups)
     averaged   (gaps (ns,), endless without a foot, ways (ns, 3) since the anchors [length], areas (ns,) that have met the
                master, those with anchors (ns,), and all (ns,) [length^2]) of the slave nodes
     law        (eps_n (ns,), eps_t (ns,) [pressure/length], Friction of kernels/law.py, touch [length], shift (ns,) [length],
@@ -51,6 +53,7 @@ from fenics_contact.kernels.vectors import (
     minus,
     norm,
     of_nodes,
+    planar,
     plus,
     put,
     row,
@@ -94,7 +97,7 @@ class Slaves(NamedTuple):
     leans: Floats
 
 
-Pairs = tuple[Floats, Slaves, Surface, Met, Anchors]
+Pairs = tuple[Floats, Slaves, Surface, Met, Anchors, Floats]
 
 
 class Foot(NamedTuple):
@@ -175,7 +178,7 @@ def aside(q: int, slaves: Slaves, coords: Floats) -> Vector:
 @njit(cache=True, error_model="numpy")
 def averages(pairs: Pairs) -> Averaged:
     """What the slave nodes have on average."""
-    coords, slaves, _, met, anchors = pairs
+    coords, slaves, _, met, anchors, normals = pairs
     starts, first, weights, shapes = slaves.starts, slaves.first, slaves.weights, slaves.N
     n, m = len(starts) - 1, shapes.shape[1]
     gaps, ways, areas = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n)
@@ -197,7 +200,7 @@ def averages(pairs: Pairs) -> Averaged:
                 foot = foot_of(q, met)
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords))
                 anchored[A] += share
-                way = less(way, -share, less(w, dot(foot.n, w), foot.n))
+                way = less(way, -share, planar(planar(w, foot.n), row(normals, slaves.group[f, c])))
         if areas[A] > 0.0:
             gaps[A] = gap / areas[A]
         if anchored[A] > 0.0:
@@ -298,7 +301,7 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
     T_T and what it has more where friction acts aside, then what N and T_T are as forces: the size across what is pressed
     and the vector along it. Each sample presses along a normal of its own, so that T alone does not tell one from the other.
     """
-    coords, slaves, surface, met, _ = pairs
+    coords, slaves, surface, met, _, _ = pairs
     nodes, (N, T, number) = slaves.nodes, acting
     for q in range(len(slaves.facet)):
         if met[1][q] == NONE:
@@ -341,7 +344,7 @@ def anchors_behind(pairs: Pairs, behind: tuple[Bools, Floats]) -> Anchors:
     All samples of renewed nodes get one that trails the foot by the slip; those of other nodes stay.  Samples without a foot
     have none afterwards.
     """
-    _, slaves, surface, met, anchors = pairs
+    _, slaves, surface, met, anchors, _ = pairs
     starts, first, m, (renewed, slips) = slaves.starts, slaves.first, slaves.N.shape[1], behind
     nodes, weights = anchors[0].copy(), anchors[1].copy()
     for A in range(len(starts) - 1):
@@ -356,14 +359,9 @@ def anchors_behind(pairs: Pairs, behind: tuple[Bools, Floats]) -> Anchors:
                 if not renewed[A]:
                     continue
                 foot = foot_of(q, met)
-                one, two = _in_facet(foot, row(slips, A))
+                # of the vector e' of the master's plane with P(n) e' = P(n) slip
+                one, two = dot(foot.c1, row(slips, A)), dot(foot.c2, row(slips, A))
                 for i in range(nodes.shape[1]):
                     nodes[a, i] = surface[0][met[0][q], i]
                     weights[a, i] = met[9][q, 0, i] - one * met[9][q, 1, i] - two * met[9][q, 2, i]
     return nodes, weights
-
-
-@njit(cache=True, error_model="numpy")
-def _in_facet(foot: Foot, slip: Vector) -> tuple[float, float]:
-    """Coordinates of the vector e' of the master's plane with P(n) e' = P(n) slip."""
-    return dot(foot.c1, slip), dot(foot.c2, slip)

@@ -44,7 +44,7 @@ def no_list(count: int) -> Ints64:
 def node_patches(asked: Ints64, pairs: Pairs, felt: Felt, blocks: Ints64, count: int, patches: Patches) -> int:
     """Fill the patches of slave nodes for which something is asked (ns,), 0: nothing; count: of blocks. Returns how many
     members they have: called again where that is more than there is room for."""
-    (_, slaves, surface, met, (anchor_nodes, _)), (leading, slot_starts, slot_nodes) = pairs, felt
+    (_, slaves, surface, met, (anchor_nodes, _), _), (leading, slot_starts, slot_nodes) = pairs, felt
     nodes, group, first, facets, corners = slaves.nodes, slaves.group, slaves.starts, slaves.facets, surface[0]
     (starts, heights, members), m, samples = patches, slaves.N.shape[1], slaves.first
     listed, starts[0] = no_list(count), 0

@@ -24,6 +24,7 @@ from fenics_contact.kernels.vectors import (
     less,
     minus,
     of_nodes,
+    planar,
     plus,
     put_four,
     row,
@@ -39,10 +40,13 @@ Changing = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Ints64]
 # blocks (nx,), patches, and factors (n, 7, 4) of their members: three rows of forces R per N and T_T, four of changes M S
 Products = tuple[Ints64, Patches, Floats]
 Sums = tuple[Ints64, Floats, Ints64, Floats]  # place of each block and its sums, places of the groups and their sums
+OfShare = tuple[float, Vector, float]  # rates of the sums behind mean gap, mean way and covered share with a sample's share
+Rows = tuple[Vector, Vector, Vector]
 
 # Rows of a sample's rates and of sums: of the gap with x_S - x_M, the place on its facet held; of the force with N; P(n); of
-# the way P (x_M - x_a) with x_S - x_M; of the gap with the normal, and of sums that of the covered share
-PUSH, FORCE, ACROSS, DRAG, TURN = 0, 1, 2, 5, 8
+# the way P (x_M - x_a) with x_S - x_M; of the gap with the normal, and of sums that of the covered share. Of a sample in a
+# node the way is P(m) of that, m being the node's own normal, and P(m) P(n), its rates with x_M - x_a, follow.
+PUSH, FORCE, ACROSS, DRAG, TURN, PULL = 0, 1, 2, 5, 8, 9
 COVER = TURN
 
 
@@ -68,13 +72,13 @@ def sample_rates(met: Met) -> Floats:
 @njit(cache=True, error_model="numpy")
 def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Products) -> None:
     """Fill R and M S of the nodes that have a patch."""
-    (coords, slaves, surface, met, anchors), (blocks, (starts, heights, members), _) = pairs, products
+    (coords, slaves, surface, met, anchors, normals), (blocks, (starts, heights, members), _) = pairs, products
     nodes, weights, table, shapes, group = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.group
     feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
     anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(met), slaves.first
     m, k, l, groups = shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
     known, sums, led = np.empty(blocks.max() + 1 if len(blocks) else 0, np.int64), *_room(starts)
-    listed, leaned = no_list(groups), np.zeros((groups, 5, 4))
+    listed, leaned, here = no_list(groups), np.zeros((groups, 5, 4)), np.zeros((1, PULL + 3, 4))
     at_group = listed[PLACE]
     for A in range(len(heights)):
         n, ng, rough = starts[A + 1] - starts[A], 0, _rubs(changing[0], A)
@@ -93,24 +97,29 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
                 leans, normal, more = slaves.leans[f, c], row(met[5], q), four(ZERO)
                 if leans > 0.0:
                     more = four(times(leans, aside(q, slaves, coords)))
+                own = row(normals, group[f, c])
+                _put_rates(rates, q, own, here)
                 if rough and anchor_nodes[a, 0] >= 0:
                     way, w = share, minus(got(met[10], q, 0), of_nodes(anchor_weights, a, anchor_nodes, coords))
                     for j in range(l):
-                        _add_anchor(sums, known[blocks[anchor_nodes[a, j]]], -way * anchor_weights[a, j], rates, q)
+                        _add_anchor(sums, known[blocks[anchor_nodes[a, j]]], -way * anchor_weights[a, j], here)
+                rubbed = planar(w, normal)
                 for i in range(k):
-                    _add_body(sums, known[blocks[nodes[f, i]]], share * table[q, i], way * table[q, i], rates, q)
+                    _add_body(sums, known[blocks[nodes[f, i]]], share * table[q, i], way * table[q, i], here)
                     _add_aside(sums, known[blocks[nodes[f, i]]], share * table[q, i], normal, more)
                 for j in range(l):
                     part = -N[q, 0, j]
-                    _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, rates, q)
+                    _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, here)
                     _add_aside(sums, known[blocks[corners[feet[q], j]]], share * part, normal, more)
-                turning = _turning(rates, q, (met[4][q], row(met[5], q)), w)
+                turning = _turning(here, (met[4][q], normal, planar(normal, own)), w)
+                _add_own_turn(leaned, at_group[group[f, c]], way, own, rubbed)
                 for b in range(m):
                     part = -shapes[q, b] / lengths[q]
                     _add_turning(leaned, at_group[group[f, b]], share * part, way * part, turning)
                 if covers[q] < 1.0:
                     into = known, sums, at_group, leaned
-                    _uncover(q, _of_share(A, q, around, (way, w), changing, met), (slaves, met, lengths), blocks, into)
+                    of_share = _of_share(A, met[4][q], around, (way, planar(rubbed, own)), changing)
+                    _uncover(q, of_share, (slaves, met, lengths), blocks, into)
                 for j in range(l if len(changing[6]) > 0 else 0):
                     led[known[blocks[corners[changing[7][q], j]]]] += around * changing[6][changing[7][q], j]
         _add_normals(sums, leaned, listed[NODE, :ng], known, blocks, turned)
@@ -141,28 +150,40 @@ def _room(starts: Ints64) -> tuple[Floats, Floats]:
 
 
 @njit(cache=True)
-def _add_anchor(sums: Floats, i: int, way: float, rates: Floats, q: int) -> None:
+def _put_rates(rates: Floats, q: int, own: Vector, here: Floats) -> None:
+    """Fill the rates (1, 12, 4) of sample q in a node with its own normal."""
+    for r in range(PULL):
+        put_four(here, 0, r, four_of(rates, q, r))
+    for to, of in ((DRAG, DRAG), (PULL, ACROSS)):
+        along = four_plus((0.0, 0.0, 0.0, 0.0), own[0], four_of(rates, q, of))
+        along = four_plus(four_plus(along, own[1], four_of(rates, q, of + 1)), own[2], four_of(rates, q, of + 2))
+        for r in range(3):
+            put_four(here, 0, to + r, four_plus(four_of(rates, q, of + r), -own[r], along))
+
+
+@njit(cache=True)
+def _add_anchor(sums: Floats, i: int, way: float, here: Floats) -> None:
     """Add what the way of a sample has of the motion of its anchor."""
     for r in range(3):
-        add_four(sums, i, DRAG + r, way, four_of(rates, q, ACROSS + r))
+        add_four(sums, i, DRAG + r, way, four_of(here, 0, PULL + r))
 
 
 @njit(cache=True)
-def _add_body(sums: Floats, i: int, share: float, way: float, rates: Floats, q: int) -> None:
+def _add_body(sums: Floats, i: int, share: float, way: float, here: Floats) -> None:
     """Add what a sample's gap and way have of a node's motion, and its forces."""
     for r in range(DRAG):
-        add_four(sums, i, r, share, four_of(rates, q, r))
+        add_four(sums, i, r, share, four_of(here, 0, r))
     for r in range(DRAG, TURN):
-        add_four(sums, i, r, way, four_of(rates, q, r))
+        add_four(sums, i, r, way, four_of(here, 0, r))
 
 
 @njit(cache=True)
-def _add_master(sums: Floats, i: int, share: float, way: float, rates: Floats, q: int) -> None:
+def _add_master(sums: Floats, i: int, share: float, way: float, here: Floats) -> None:
     """As _add_body, of the master's nodes: the foot moves with them, too."""
     for r in range(DRAG):
-        add_four(sums, i, r, share, four_of(rates, q, r))
+        add_four(sums, i, r, share, four_of(here, 0, r))
     for r in range(DRAG, TURN):
-        add_four(sums, i, r, way, four_plus(four_of(rates, q, r), -1.0, four_of(rates, q, r - DRAG + ACROSS)))
+        add_four(sums, i, r, way, four_plus(four_of(here, 0, r), -1.0, four_of(here, 0, r - DRAG + PULL)))
 
 
 @njit(cache=True)
@@ -174,17 +195,16 @@ def _add_aside(sums: Floats, i: int, share: float, normal: Vector, more: Four) -
 
 
 @njit(cache=True)
-def _turning(rates: Floats, q: int, of: tuple[float, Vector], w: Vector) -> tuple[Four, Four, Four, Four]:
-    """Rates of P (x_M - x_a) and the gap g `of` a sample with its normal n, x_M - x_a = w held at its place: by rows
-    -g P r_a c_a - (n.w) P - n (P w)^T, for what is turned is normal to n."""
-    (g, n), along = of, dot(of[1], w)
-    aside = four(less(w, along, n))
-    none = (0.0, 0.0, 0.0, 0.0)
-    swing0 = four_plus(four_plus(none, -g, four_of(rates, q, DRAG)), -along, four_of(rates, q, ACROSS))
-    swing1 = four_plus(four_plus(none, -g, four_of(rates, q, DRAG + 1)), -along, four_of(rates, q, ACROSS + 1))
-    swing2 = four_plus(four_plus(none, -g, four_of(rates, q, DRAG + 2)), -along, four_of(rates, q, ACROSS + 2))
-    swings = four_plus(swing0, -n[0], aside), four_plus(swing1, -n[1], aside), four_plus(swing2, -n[2], aside)
-    return four_of(rates, q, TURN), swings[0], swings[1], swings[2]
+def _turning(here: Floats, of: tuple[float, Vector, Vector], w: Vector) -> tuple[Four, Four, Four, Four]:
+    """Rates of P(m) P (x_M - x_a) and the gap g `of` a sample with its normal n, x_M - x_a = w held at its place: by rows
+    P(m) (-g P r_a c_a - (n.w) P - n (P w)^T), for what is turned is normal to n; P(m) n is the last of what it is `of`."""
+    (g, n, lean), along = of, dot(of[1], w)
+    aside, none = four(planar(w, n)), (0.0, 0.0, 0.0, 0.0)
+    swing0 = four_plus(four_plus(none, -g, four_of(here, 0, DRAG)), -along, four_of(here, 0, PULL))
+    swing1 = four_plus(four_plus(none, -g, four_of(here, 0, DRAG + 1)), -along, four_of(here, 0, PULL + 1))
+    swing2 = four_plus(four_plus(none, -g, four_of(here, 0, DRAG + 2)), -along, four_of(here, 0, PULL + 2))
+    swings = four_plus(swing0, -lean[0], aside), four_plus(swing1, -lean[1], aside), four_plus(swing2, -lean[2], aside)
+    return four_of(here, 0, TURN), swings[0], swings[1], swings[2]
 
 
 @njit(cache=True)
@@ -197,13 +217,18 @@ def _add_turning(leaned: Floats, g: int, share: float, way: float, turning: tupl
 
 
 @njit(cache=True)
-def _of_share(
-    A: int, q: int, around: float, moved: tuple[float, Vector], changing: Changing, met: Met
-) -> tuple[float, Vector, float]:
-    """Rates of the sums behind the mean gap, the mean way and the share of node A with the share of sample q."""
-    (way, w), n = moved, row(met[5], q)
-    strayed = minus(less(w, dot(n, w), n), row(changing[2], A))
-    return (met[4][q] - changing[1][A]) * around, times(around if way > 0.0 else 0.0, strayed), around
+def _add_own_turn(leaned: Floats, g: int, way: float, m: Vector, v: Vector) -> None:
+    """Add what P(m) v, v the way of a sample, has of the turn of the node's own normal m: -(m.v) I - m v^T."""
+    for a in range(3):
+        add_four(leaned, g, 1 + a, -way * m[a], four(v))
+        leaned[g, 1 + a, a] -= way * dot(m, v)
+
+
+@njit(cache=True)
+def _of_share(A: int, gap: float, around: float, moved: tuple[float, Vector], changing: Changing) -> OfShare:
+    """The rates of node A with the share of a sample that has this gap and, where it has moved, this way."""
+    way, strayed = moved[0], minus(moved[1], row(changing[2], A))
+    return (gap - changing[1][A]) * around, times(around if way > 0.0 else 0.0, strayed), around
 
 
 @njit(cache=True)
@@ -217,9 +242,7 @@ def _rubs(rates: Floats, A: int) -> bool:
 
 
 @njit(cache=True)
-def _uncover(
-    q: int, of_share: tuple[float, Vector, float], where: tuple[Slaves, Met, Floats], blocks: Ints64, into: Sums
-) -> None:
+def _uncover(q: int, of_share: OfShare, where: tuple[Slaves, Met, Floats], blocks: Ints64, into: Sums) -> None:
     """Add the rates of the means and of the covered share with sample q's own share."""
     (slaves, met, lengths), (known, sums, at_group, leaned) = where, into
     f, slopes, ends = slaves.facet[q], met[8], met[7]
@@ -233,7 +256,7 @@ def _uncover(
 
 
 @njit(cache=True)
-def _cover(sums: Floats, i: int, part: float, of_share: tuple[float, Vector, float], slope: Vector, ways: int) -> None:
+def _cover(sums: Floats, i: int, part: float, of_share: OfShare, slope: Vector, ways: int) -> None:
     """Add the rates with a share that has a slope with a place: of the gap, of the ways and of the share, in rows behind."""
     by_gap, by_way, whole = of_share
     add_four(sums, i, PUSH, part * by_gap, four(slope))
@@ -263,7 +286,7 @@ def _multiply(A: int, sums: Floats, led: Floats, changing: Changing, products: P
 
 
 @njit(cache=True, error_model="numpy")
-def _held_rates(foot: Foot) -> tuple[Vector, Vector, tuple[Vector, Vector, Vector]]:
+def _held_rates(foot: Foot) -> tuple[Vector, Vector, Rows]:
     """Rates of a sample's gap with x_S - x_M, place on the facet held, and with its normal; of P (x_M - x_a) with the first,
     by rows."""
     n, c1, c2 = foot.n, foot.c1, foot.c2
@@ -277,9 +300,7 @@ def _held_rates(foot: Foot) -> tuple[Vector, Vector, tuple[Vector, Vector, Vecto
 
 
 @njit(cache=True, error_model="numpy")
-def _sample_rates(
-    foot: Foot, w: Vector
-) -> tuple[Vector, Vector, tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]:
+def _sample_rates(foot: Foot, w: Vector) -> tuple[Vector, Vector, Rows, Rows]:
     """Those of `_held_rates`, and the rates of P (x_M - x_a) with the normal by rows, x_M - x_a = w held at its place."""
     push, turn, drags = _held_rates(foot)
     n, along = foot.n, dot(foot.n, w)
@@ -292,7 +313,7 @@ def _sample_rates(
 
 
 @njit(cache=True)
-def _across(n: Vector) -> tuple[Vector, Vector, Vector]:
+def _across(n: Vector) -> Rows:
     """Rows of P(n)."""
     return less((1.0, 0.0, 0.0), n[0], n), less((0.0, 1.0, 0.0), n[1], n), less((0.0, 0.0, 1.0), n[2], n)
 
@@ -326,7 +347,7 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
 
     motion: (moved (nx, 3), directed and the samples' facets as of Changing).
     """
-    (coords, slaves, surface, met, anchors), (moved, directed, leading) = pairs, motion
+    (coords, slaves, surface, met, anchors, normals), (moved, directed, leading) = pairs, motion
     nodes, weights, table, shapes, first = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.first
     starts, m = slaves.starts, shapes.shape[1]
     tilts, lengths, changes = _tilts(turned, moved), turned[3], np.zeros((len(starts) - 1, 8))
@@ -353,20 +374,22 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
                 has_anchor = anchors[0][a, 0] >= 0
                 w = minus(foot.x, of_nodes(anchors[1], a, anchors[0], coords)) if has_anchor else ZERO
                 push, turn, drags, swings = _sample_rates(foot, w)
+                rubbed, own = planar(w, foot.n), row(normals, slaves.group[f, c])
                 if met[6][q] < 1.0:
                     change = weights[q] * shapes[q, c] * _uncovered(q, met, jump, tilt, moved)
                     total += change * (foot.g - averaged[0][A])
                     bared += change
                     if has_anchor:
-                        way = less(way, -change, less(less(w, dot(foot.n, w), foot.n), 1.0, row(averaged[1], A)))
+                        way = less(way, -change, minus(planar(rubbed, own), row(averaged[1], A)))
                 jump = minus(jump, here)
                 total += share * (dot(push, jump) + dot(turn, tilt))
                 if has_anchor:
-                    drag = minus(here, of_nodes(anchors[1], a, anchors[0], moved))
-                    drag = less(drag, dot(foot.n, drag), foot.n)
+                    drag = planar(minus(here, of_nodes(anchors[1], a, anchors[0], moved)), foot.n)
                     turned_way = dot(swings[0], tilt), dot(swings[1], tilt), dot(swings[2], tilt)
                     pulled = dot(drags[0], jump), dot(drags[1], jump), dot(drags[2], jump)
-                    way = less(way, -share, plus(plus(drag, pulled), turned_way))
+                    way = less(way, -share, planar(plus(plus(drag, pulled), turned_way), own))
+                    own_tilt = row(tilts, slaves.group[f, c])
+                    way = less(way, share, plus(times(dot(own, rubbed), own_tilt), times(dot(rubbed, own_tilt), own)))
         changes[A, 4] = bared / averaged[4][A]
         if averaged[2][A] > 0.0:
             changes[A, 0] = total / averaged[2][A]

@@ -45,7 +45,7 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
     """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
     corners, the force, the force if the sample were covered whole, and three with what is added to the normal at ends.
     lengths (np,): of the means."""
-    (coords, slaves, _, met, _), (N, T, number) = pairs, acting
+    (coords, slaves, _, met, _, _), (N, T, number) = pairs, acting
     weights, shapes = slaves.weights, slaves.N
     presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 8, 4))
     for q in range(len(presses)):
@@ -83,7 +83,7 @@ def tangent_rows(
 ) -> int:
     """Fill rows (n,), rising, columns (n,) and blocks (n, 3, 3) of the tangent, each pair of `count` blocks once; returns
     how many there are: called again where that is more than there is room for."""
-    _, slaves, surface, met, _ = pairs
+    _, slaves, surface, met, _, _ = pairs
     blocks, factors, corners = products[0], products[2], surface[0]
     table, shapes, group = slaves.shape, slaves.N, slaves.group
     N, frames, (slot_starts, slot_nodes, turns, lengths), rates = met[9], met[10], turned, held[1]

@@ -106,6 +106,12 @@ def norm(a: Vector) -> float:
 
 
 @njit(cache=True)
+def planar(w: Vector, n: Vector) -> Vector:
+    """P(n) w: w without its part along a unit vector n."""
+    return less(w, dot(n, w), n)
+
+
+@njit(cache=True)
 def of_nodes(weights: Floats, q: int, nodes: Ints64, x: Floats) -> Vector:
     """sum_i weights[q, i] x[nodes[q, i]]."""
     a = b = c = 0.0
