@@ -69,8 +69,8 @@ def drawn(mesh, friction, sheet, way, points, degree):
     """The block is pressed down on the sheet, all of whose nodes go to sheet(X, s), s = 0 ... 1 first, and then drawn by a
     way in x and y."""
     scene = Scene(
-        Body(mesh, "lower", from_elastic(1000.0, 0.3)), Body(mesh, "upper", from_elastic(1000.0, 0.3)), degree=degree
-    )
+        Body(mesh, "lower", from_elastic(4000.0, 0.3)), Body(mesh, "upper", from_elastic(4000.0, 0.3)), degree=degree
+    )  # so stiff that the underside hardly bends: T = mu N is off by the square of that
     for group in ("lower_bottom", "lower_top"):
         for axis, value in zip("xyz", led(lambda X, t: sheet(X, min(2.0 * t, 1.0))), strict=True):
             scene.prescribe(group, axis, value)
