@@ -107,6 +107,9 @@ class RigidPartner(PointPressures):
         then, now = (np.einsum("eqk,ekc->eqc", self.surface.a, at.x) for at in (before.feet, feet))
         way, normals = now - then - before.feet.pose.way(feet.pose, then), self.places.normals(before.feet)
         rise = np.einsum("eqc,eqc->eq", normals, way)[..., None]
+        gaps = before.response.gap + rise[..., 0] + trial.history.shift
+        if not trial.rough:
+            return _deciding(gaps, np.zeros_like(way))
         change = np.concatenate([rise, (way - rise * normals) @ self.places.axes(before.feet.pose)], axis=2)
         stick = trial.law.eps_t[:, None, None]
         ways = (before.rubbed[..., 0] + np.einsum("eqab,eqb->eqa", before.rubbed[..., 1:], change)) / stick
@@ -114,7 +117,7 @@ class RigidPartner(PointPressures):
         share = np.minimum(WEIGHT * self.surface.stiffness[:, None, None] / stick, 1.0)
         # what comes to touch is pressed by all of its gap, and rubs by all of its way
         ways = weighed(ways, found, np.where((before.response.status == OPEN)[..., None], 1.0, share))
-        return _deciding(before.response.gap + rise[..., 0] + trial.history.shift, ways)
+        return _deciding(gaps, ways)
 
     def deciding(self, feet: RigidFeet, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
         """See `Partner.deciding`: these gaps, and the ways (4 ne nq,) of what stuck by the friction that it had; of what is
