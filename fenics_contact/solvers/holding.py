@@ -12,9 +12,9 @@ from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
 from fenics_contact.assembly.trial import ENDLESS
-from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, turning_point
+from fenics_contact.solvers.motions import Motion, by_owner, relaxed, resistance, rigid_motions, turning_point
 from fenics_contact.solvers.slipping import used_share
-from fenics_contact.solvers.softness import damping
+from fenics_contact.solvers.softness import LARGEST, damping
 from fenics_contact.types import Floats, Mat, Vec
 
 # A motion is free where its nodes resist it, each by itself, a million times more than all together. Squared: sums of
@@ -32,6 +32,9 @@ TURNING = 0.5
 # Of what it resists where all points stick: a motion that the tangent drives by more goes on by itself. Bodies that slide on
 # a flat floor have none, but for round-off and what their own shape changes; wedges a tenth and more.
 AWAY = 0.01
+# Of the work of what pushes a tool: where bodies that give way take less, friction takes most. Cells of a tyre that spins
+# take 15 % of it and give it back, a disc spring at its limit point takes 98 %.
+GIVES = 0.5
 THROWN = 0.1  # of the bodies' size: how far a tool that nothing pushes goes within a step only if it is thrown
 PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
 
@@ -180,6 +183,13 @@ def sliding(system: System, rest: float = HELD, asked: bool = False) -> Finding 
     rough, near = _gripping(system, TURNING)
     if not near:
         return None
+    return _sliding_rigidly(system, rough, near, rest, asked) or _sliding_softly(system, rough, near, asked)
+
+
+def _sliding_rigidly(
+    system: System, rough: list[ContactTerm], near: dict[ContactTerm, Floats], rest: float, asked: bool
+) -> Finding | None:
+    """See `sliding`: of rigid motions. near: contacts that may have used up their friction. Collective."""
     motions = rigid_motions(system)
     stuck = energies(system, rough, motions, {})
     held = _relying(system, rough, motions, stuck, rough, rest)[0]
@@ -195,6 +205,41 @@ def sliding(system: System, rest: float = HELD, asked: bool = False) -> Finding 
     how = "friction alone holds" if rest == HELD else f"friction gives all but {np.abs(values).min():.0%} of what holds"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
     return _slides(system, motions, held, used, how, end)
+
+
+def _sliding_softly(
+    system: System, rough: list[ContactTerm], near: dict[ContactTerm, Floats], asked: bool
+) -> Finding | None:
+    """See `sliding`: of what pushed tools do if the bodies give way to them. A soft tyre that turned with its hub as a rigid
+    body would press its flat into the road; where it spins, ever other parts of it are pressed flat. Collective."""
+    used = _spent(system, near, _giving_way(system, rough, rough), asked)
+    for way in _giving_way(system, rough, list(used)) if used else []:
+        if _taken_by_friction(system, way, used):
+            parts = by_owner(system, way)
+            end = "a greater push has no balance"
+            return _slides(system, parts, np.ones((len(parts), 1)), used, "friction alone holds", end)
+    return None
+
+
+def _giving_way(system: System, rough: list[ContactTerm], without: list[ContactTerm]) -> list[Motion]:
+    """Motions of pushed tools, the bodies giving way as they do without the friction of some contacts, of which that leaves
+    less than the share HELD of what resists them if all points stick. Collective."""
+    if system.vector.getSize() > LARGEST:
+        return []
+    trials = {c: c.trial.with_friction(0.0 if c in without else ENDLESS) for c in rough}
+    motions = [("", motion, "") for motion in relaxed(system, trials)]
+    if not motions:
+        return []
+    held = _relying(system, rough, motions, energies(system, rough, motions, {}), without, HELD)[0]
+    return [combined_motion(system, motions, way) for way in held.T]
+
+
+def _taken_by_friction(system: System, way: Motion, used: Collection[ContactTerm]) -> bool:
+    """Whether friction of these contacts takes most of the work of what pushes tools on a motion, and strain and all else
+    little: at a limit point friction may be used up, too, but it is the bodies that give way. Collective."""
+    push = float(np.sum(way.dq * system.tools.forces(system.state.t)))
+    others = [term for term in system.terms if term not in used]
+    return bool(abs(_works(system, others, [("", way, "")], used)[0]) < GIVES * abs(push))
 
 
 def slipping_away(system: System) -> Finding | None:
@@ -328,11 +373,13 @@ def pushed(system: System, motions: Motions, held: Floats) -> bool:
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
 
 
-def _works(system: System, terms: Sequence[Term], motions: Motions) -> Floats:
-    """Work (len(motions),) of the forces of terms on motions. Collective."""
+def _works(system: System, terms: Sequence[Term], motions: Motions, smooth: Collection[ContactTerm] = ()) -> Floats:
+    """Work (len(motions),) of the forces of terms, and of the pressures of `smooth` contacts, on motions. Collective."""
     local, tools = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     for term in terms:
         term.add_residual(system.state, local, tools)
+    for contact in smooth:
+        contact.forces.press(system.state, local, tools)
     force = Motion(system.border_vector(local), system.comm.allreduce(tools))
     return np.array([motion.dot(force) for _, motion, _ in motions])
 

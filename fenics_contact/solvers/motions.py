@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.finding import MOVES
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
@@ -119,6 +120,41 @@ def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
         dq = np.zeros_like(system.state.q)
         dq[i, axis] = 1.0
         found.append((system.tools.names[i], Motion(_carried(system, dq), dq), MOVES[axis]))
+    return found
+
+
+def relaxed(system: System, trials: Trials) -> list[Motion]:
+    """Motions of the pushed tools with the bodies giving way to them, by the tangent with these trial states of contacts:
+    what forces on each free component alone do. [] where there are none, or the tangent is singular. Collective."""
+    sides = []
+    for c in np.flatnonzero(system.tools.free):
+        push = np.zeros_like(system.state.q)
+        push.flat[c] = 1.0
+        sides.append((system.new_vector(), push, *system.still()))
+    if not sides:
+        return []
+    system.assemble_tangent(trials=trials)
+    try:
+        found = LinearSolver(system, "direct", afresh=True, singular=True).solve_sides(sides)
+    except LinearFailure:
+        return []
+    sizes = [system.length(du, dq) for du, dq in found]
+    for (du, _), size in zip(found, sizes, strict=True):
+        du.scale(1.0 / max(size, 1e-300))
+    return [Motion(du, dq / size) for (du, dq), size in zip(found, sizes, strict=True) if np.isfinite(size) and size > 0.0]
+
+
+def by_owner(system: System, motion: Motion) -> list[tuple[str, Motion, str]]:
+    """(owner, Motion, ""): the parts of a motion that its bodies and tools have, what is tied to a tool with that."""
+    found, owned, tied = [], system.space.dofmap.index_map.size_local, system.supports.ties.nodes
+    for name, nodes in system.bodies:
+        part, own = Motion(system.new_vector(), np.zeros_like(motion.dq)), nodes[(nodes < owned) & ~np.isin(nodes, tied)]
+        part.du.array_w.reshape(-1, 3)[own] = motion.du.array_r.reshape(-1, 3)[own]
+        found.append((name, part, ""))
+    for i in np.flatnonzero(system.tools.free.any(axis=1)):
+        dq = np.zeros_like(motion.dq)
+        dq[i] = motion.dq[i]
+        found.append((system.tools.names[i], Motion(_carried(system, dq), dq), ""))
     return found
 
 
