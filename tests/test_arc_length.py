@@ -515,3 +515,26 @@ def test_a_pushed_part_goes_over_an_edge_where_the_load_falls_at_once(friction):
     assert at_limit == pytest.approx(found[1.6].column("hub_force_x_N").max(), rel=1e-2)
     # it lands on its target to 1e-6 of the way, where the force falls by 12 times itself in a millimetre
     assert force[-1] == pytest.approx(found[1.7].column("hub_force_x_N")[-1], rel=1e-3 if friction else 3e-5)
+
+
+def cap() -> None:
+    """Half of a section of a cap, of radius 10, 0.5 thick."""
+    rectangles.build(rectangles={"cap": ((0.0, 0.0), (1.0, 1.0), (20, 2))}, order=2)
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    for tag, (along, through, _) in zip(tags, places.reshape(-1, 3), strict=True):
+        angle, r = np.radians(35.0 * along), 9.75 + 0.5 * through
+        gmsh.model.mesh.setNode(tag, [r * np.sin(angle), r * np.cos(angle), 0.0], [])
+
+
+def test_a_path_does_not_go_straight_back_behind_a_bifurcation():
+    """The pivot of a bifurcation just passed turns back with the load: that is no limit point. It went all the way down
+    the path that it had come up, to no load."""
+    scene = Scene(Body(read_gmsh(cap), "cap", neo_hooke(1.0, K=100.0)), plane="axisymmetric", degree=2, element="mixed")
+    scene.fix("cap_xmax")
+    lid = rigid_plane((0, 10.25, 0), (0, -1, 0), name="lid")
+    scene.contact("cap_ymax", lid, name="c", penetration=1e-5)
+    touch = Stage("touch", move={lid: (0, -0.1, 0)}, steps=3)
+    arcs = ArcSteps(until=Travel(lid, "y", -1.3), first=0.1, largest=0.5)
+    result = solve(scene, stages=[touch, Stage("push", push={lid: (0, -2.0, 0)}, steps=arcs)])
+    assert (np.diff(result.column("lid_travel_y_mm")) < 0.0).all()
+    assert result.converged or (result.verdict.kind == "limit point" and "keep the arcs shorter" in result.verdict.remedy)

@@ -31,6 +31,7 @@ TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 t
 # bifurcation counts as located: motions that differ by far less are as soft, and round-off alone tells them apart
 ALIKE, WITHIN = 1e-8, 100.0
 AWAY = 1e-2  # of the bodies' size: the first arc on another path, where that is no longer lost in round-off
+BACK = 0.99  # cosine of the angle to straight back, from which on a step is on the path so far
 LEAVES = 0.5  # of the first arc on another path: less along the null vector, and it leads on or back on the path so far
 
 
@@ -209,13 +210,18 @@ class Path:
 
     def _refuse_back(self, arrival: Arrival, rate: Increment) -> None:
         """StepFailed where an arc from a bifurcation, along its null vector, does not leave the path so far, or where one
-        goes back on that: against the last step, with a load that turns, and with no pivot for that."""
+        goes back on that: against the last step, with a load that turns, and with no pivot for that, or straight back,
+        as a path does beyond no kink: the pivot may be that of a bifurcation just behind.
+        """
         if self.begun and self.slope == 0.0:
             if self.arc.dot(arrival.increment, rate) < LEAVES * self.arc.norm(arrival.increment):
                 raise StepFailed("the arc does not lead along the branch")
             return
-        turns = self.begun and self._passed(arrival) and arrival.rate.dt * self.side < 0.0
-        if turns and self.last and self.arc.dot(arrival.increment, self.last) < 0.0:
+        if not (self.begun and self.last):
+            return
+        onwards = self.arc.dot(arrival.increment, self.last) / (self.arc.norm(arrival.increment) * self.arc.norm(self.last))
+        turns = self._passed(arrival) and arrival.rate.dt * self.side < 0.0
+        if onwards < -BACK or (turns and onwards < 0.0):
             raise StepFailed("the arc leads back along the path")
 
     def _accept(self, arrival: Arrival, leg: Leg, reached: str | None) -> None:
