@@ -3,10 +3,23 @@
 import gmsh
 import numpy as np
 import pytest
+from drawn import ring
 from mpi4py import MPI
 from taylor import orders, remainders
 
-from fenics_contact import Body, Output, Scene, Stage, from_elastic, read_gmsh, solve
+from fenics_contact import (
+    Body,
+    Motion,
+    Output,
+    Scene,
+    Stage,
+    from_elastic,
+    neo_hooke,
+    read_gmsh,
+    rigid_curve,
+    rigid_hub,
+    solve,
+)
 from fenics_contact.kernels.status import SLIP
 
 RADIUS = 0.3  # mm, in cells of 0.12
@@ -116,3 +129,32 @@ def test_a_run_is_resumed_with_what_presses_aside(tmp_path):
     resumed, whole = dragged(0.5, out=Output(out, checkpoint=True, resume=True)), dragged(0.5)
     for key in ("c_force_x_N", "c_force_y_N"):
         np.testing.assert_allclose(resumed.column(key), whole.column(key), rtol=1e-7)
+
+
+@pytest.mark.parallel
+def test_a_wheel_that_spins_on_facets_is_told_by_how_much_its_friction_is_off():
+    """At each step nodes come to the road that have not slid yet, and press along their own normals."""
+    mesh = read_gmsh(lambda: ring("tyre", 0.0, (4.0, 8.0), (3, 12), ("inside", "outside")))
+    scene = Scene(Body(mesh, "tyre", neo_hooke(1.0, 5.0)), plane="strain")
+    hub = rigid_hub("hub")
+    scene.tie("inside", hub)
+
+    def flat():
+        line = gmsh.model.geo.addLine(*(gmsh.model.geo.addPoint(x, -8.01, 0) for x in (20, -20)))
+        gmsh.model.geo.mesh.setTransfiniteCurve(line, 61)
+        gmsh.model.geo.synchronize()
+        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), "road")
+        gmsh.model.mesh.generate(1)
+
+    scene.contact("outside", rigid_curve(flat, group="road", name="road"), 0.4, name="c")
+    stages = [
+        Stage("down", move={hub: Motion(y=-0.2)}, steps=1),
+        Stage("press", move={hub: Motion(force=(0, -4.0, 0))}, steps=2),
+        Stage("spin", move={hub: Motion(x=6.0, force=(0, -4.0, 0), rz=-1.6)}, steps=12),
+    ]
+    result = solve(scene, stages=stages, out=Output(progress=False)).require()
+    excess = (np.abs(result.column("hub_force_x_N")) / 4.0 - 0.4)[-6:]
+    assert excess.max() > 0.035
+    (note,) = (note for note in result.verdict.notes if "its tangential force may be off by up to" in note)
+    share = float(note.split("up to ")[1].split()[0])
+    assert share == pytest.approx(excess.max(), rel=0.1)

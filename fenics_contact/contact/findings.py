@@ -133,11 +133,11 @@ def _lean_note(contact: Contact, state: State, lean: _Lean) -> Remark | None:
             f"{text}: an edge of the slave folds, or turns within a step where it is what touches, and {at_ends:.2g} of the "
             f"load acts aside; {off}; take more steps, {SMOOTH}, {ROUND}, or let it meet an analytic tool",
         )
-    if slides and all_over > LEANS:
+    if slides and all_over > min(LEANS, 0.1 * contact.trial.law.friction.mu):  # or a tenth of friction itself
         return Remark(
             all_over,
             f"{text}, an edge of which digs in, or where few nodes of a round side touch: its tangential force may be off "
-            f"by up to {all_over:.2g} of the load, changing as these pass; {ROUND}, or finer cells on what is round",
+            f"by up to {all_over:.2g} of the load, as these pass; {ROUND}, finer cells on what is round, or more steps",
         )
     return None
 
