@@ -8,7 +8,7 @@ import pytest
 from drawn import ring
 
 from fenics_contact import Body, Motion, Scene, SceneError, Stage, neo_hooke, read_gmsh, rigid_cylinder, rigid_hub, solve
-from fenics_contact.meshes import ring_sector
+from fenics_contact.meshes import box, ring_sector
 
 pytestmark = pytest.mark.parallel
 FRICTION = 0.3
@@ -40,6 +40,17 @@ def test_no_step_leads_the_shorter_way_round(turns, steps):
 def test_steps_of_fifteen_degrees_are_taken_as_they_are():
     result = turned(math.pi / 6.0, 2)
     assert len(result.history) == 4 + result.verdict.cuts and not any("a step would turn" in n for n in result.verdict.notes)
+
+
+def test_steps_that_are_divided_are_told_where_they_are_cut_back_farther():
+    scene, hub = (
+        Scene(Body(read_gmsh(box.build, size=(4, 4, 6), cells=(2, 2, 3)), "box", neo_hooke(1.0, 10.0))),
+        rigid_hub("hub"),
+    )
+    scene.tie("zmin", hub)
+    result = solve(scene, move={hub: Motion(rz=7.0)}, steps=6).require()
+    assert result.verdict.cuts > 0
+    assert [note for note in result.verdict.notes if "steps of 45 degrees at most are taken" in note]
 
 
 def bush():

@@ -63,12 +63,13 @@ def run(
     verdict.smallest = smallest or shortest
     sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest if system.damped else 0.0) if system.damping else 0.0
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
-    leaks = Leaks(system)
+    leaks, turned = Leaks(system), dict[str, Remark]()
     for target in times:
         restless, why = 0, ""
         while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
             goal, turn = _turned(system, target, verdict.longest)
+            turned = turn or turned  # said with what is accepted: such a step may be cut back farther
             size = goal - system.trail.last.t
             report: StepReport | None
             try:
@@ -96,7 +97,8 @@ def run(
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.longest *= 2.0
             verdict.accept(report, system)
-            verdict.remark_on(TURNS, turn)
+            verdict.remark_on(TURNS, turned)
+            turned.clear()
             verdict.remark(undecided(system, verdict.remarked) | leaks.found(verdict.remarked))
             on_step(report, time.perf_counter() - start, goal == target)
     verdict.reason = CONVERGED  # in the place of the targets that arcs have reached before
