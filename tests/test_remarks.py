@@ -399,6 +399,19 @@ def test_work_missed_on_turns_is_told_from_work_that_is_lost():
     assert (missing[0] - missing[1]) / (missing[1] - missing[2]) == pytest.approx(4.0, rel=0.05)
 
 
+def test_work_that_one_of_several_turns_loses_is_not_said_to_be_lost_on_arcs():
+    """The first turn begins to slip, the others slide on."""
+    scene = Scene(
+        Body(read_gmsh(box.build, size=(4, 4, 2), cells=(8, 8, 3), origin=(-2, -2, 0)), "box", neo_hooke(0.5, 2.0))
+    )
+    scene.fix("zmax")
+    floor = rigid_plane((0, 0, 0), (0, 0, 1), name="floor")
+    scene.contact("zmin", floor, 0.2, name="c")
+    stages = [Stage("press", move={floor: (0, 0, 0.2)}, steps=1), Stage("turn", move={floor: Motion(rz=1.5)}, steps=6)]
+    (note,) = (note for note in solve(scene, stages=stages).require().verdict.notes if note.startswith("energy"))
+    assert "in step 2 to t = " in note and "arc" not in note
+
+
 # how far a point goes that has come to (0.3, -0.3) when all turns about the origin
 AROUND = {
     "x": lambda s: 0.3 * (np.cos(3.0 * s) - 1.0 + np.sin(3.0 * s)),

@@ -131,7 +131,7 @@ def _lean_note(contact: Contact, state: State, lean: _Lean) -> Remark | None:
         return Remark(
             at_ends,
             f"{text}: an edge of the slave folds, or turns within a step where it is what touches, and {at_ends:.2g} of the "
-            f"load acts aside; {off}; take more steps, {SMOOTH}, {ROUND}, or let it meet an analytic tool",
+            f"load acts aside; {off}; {SMOOTH}, {ROUND}, let it meet an analytic tool, or, if it turns, take more steps",
         )
     if slides and all_over > min(LEANS, 0.1 * contact.trial.law.friction.mu):  # or a tenth of friction itself
         return Remark(

@@ -31,7 +31,7 @@ STIFFER = "raise penalty= of the contact, a Penalty(factor=...), or give it pene
 SOFT = 0.95  # of a load, to first order: beyond that the penalties' springs are a twentieth as stiff as the bodies, or less
 
 # of what is not accounted for: what more of it a contact's pressures, or turns, leave is to be its cause
-MOST = 0.5
+MOST, SEVERAL = 0.5, 3  # and of so many steps one of which leaves most, that one is
 # times what pressures leave: what more of it comes with steps twice as long is the steps'. Of these it is 4 on smooth paths,
 # 2.2 ... 3.6 on those of a tube crushed flat and of round bodies that roll, and 1.01 ... 1.02 at sharp edges
 GROWS = 1.5
@@ -186,14 +186,16 @@ def greatest_travels(history: Sequence[HistoryRow], tools: Sequence[str], units:
 
 def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Mapping[str, Floats]) -> float:
     """The most by which a tool turns in a step [rad], where more than MOST of what is not accounted for was left in steps
-    that turn one by more than WIDE; else 0. tools: by name the angles (3,) with which each begins [rad]."""
+    that turn one by more than WIDE, of several not in one; else 0. tools: angles (3,) by name that it begins with [rad]."""
     left = np.abs(np.diff([0.0, *(row[f"energy_error_{energy_unit(units)}"] for row in rows)]))
     names = [[f"{plain_name(tool)}_angle_{axis}_rad" for axis in "xyz"] for tool in tools]
     angles = np.array([[[row.get(name, 0.0) for name in of] for of in names] for row in rows])
     angles = angles.reshape(len(rows), len(names), 3)
     first = np.array([tools[tool] for tool in tools], dtype=float).reshape(1, len(names), 3)
     turns = np.linalg.norm(np.diff(angles, axis=0, prepend=first), axis=2).max(axis=1, initial=0.0)
-    return float(turns.max(initial=0.0)) if left[turns > WIDE].sum() > MOST * left.sum() else 0.0
+    wide = left[turns > WIDE]
+    alike = len(wide) < SEVERAL or wide.max() < MOST * wide.sum()  # arcs cost all that turn as far the same
+    return float(turns.max(initial=0.0)) if alike and wide.sum() > MOST * left.sum() else 0.0
 
 
 def energy_notes(
