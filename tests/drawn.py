@@ -34,6 +34,15 @@ def ring(name, middle, radii, cells, sides, turn=0.0, ends=None):
     _finish(faces, groups | ({ends: (1, [spokes[0], spokes[2]])} if ends else {}))
 
 
+def straight(name, start, end, cells):
+    """A line of so many sides, named; a tool of it lies on the left on the way from start to end (x, y)."""
+    line = gmsh.model.geo.addLine(*(gmsh.model.geo.addPoint(*place, 0) for place in (start, end)))
+    gmsh.model.geo.mesh.setTransfiniteCurve(line, cells + 1)
+    gmsh.model.geo.synchronize()
+    gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), name)
+    gmsh.model.mesh.generate(1)
+
+
 def _finish(faces, groups):
     """Fill what is drawn; groups: {name: (dimension, tags)}."""
     for face in faces:

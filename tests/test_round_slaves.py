@@ -3,7 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
-from drawn import ring
+from drawn import ring, straight
 from mpi4py import MPI
 from taylor import orders, remainders
 
@@ -138,15 +138,8 @@ def test_a_wheel_that_spins_on_facets_is_told_by_how_much_its_friction_is_off():
     scene = Scene(Body(mesh, "tyre", neo_hooke(1.0, 5.0)), plane="strain")
     hub = rigid_hub("hub")
     scene.tie("inside", hub)
-
-    def flat():
-        line = gmsh.model.geo.addLine(*(gmsh.model.geo.addPoint(x, -8.01, 0) for x in (20, -20)))
-        gmsh.model.geo.mesh.setTransfiniteCurve(line, 61)
-        gmsh.model.geo.synchronize()
-        gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), "road")
-        gmsh.model.mesh.generate(1)
-
-    scene.contact("outside", rigid_curve(flat, group="road", name="road"), 0.4, name="c")
+    road = rigid_curve(lambda: straight("road", (20, -8.01), (-20, -8.01), 60), group="road", name="road")
+    scene.contact("outside", road, 0.4, name="c")
     stages = [
         Stage("down", move={hub: Motion(y=-0.2)}, steps=1),
         Stage("press", move={hub: Motion(force=(0, -4.0, 0))}, steps=2),

@@ -4,7 +4,7 @@ thrown out between them."""
 import gmsh
 import numpy as np
 import pytest
-from drawn import ring
+from drawn import ring, straight
 
 from fenics_contact import (
     Body,
@@ -168,20 +168,11 @@ def test_contacts_that_resist_the_same_push_must_both_slide():
     np.testing.assert_allclose(drag, grip, rtol=1e-3)  # both do slide
 
 
-def flat():
-    """A straight line of 22 facets that look up."""
-    line = gmsh.model.geo.addLine(*(gmsh.model.geo.addPoint(x, 0, 0) for x in (14, -14)))
-    gmsh.model.geo.mesh.setTransfiniteCurve(line, 23)
-    gmsh.model.geo.synchronize()
-    gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [line]), "flat")
-    gmsh.model.mesh.generate(1)
-
-
 def arch(stabilise):
     """Half a ring that stands on a rough flat tool, spread by a smooth lid; how far its crown goes aside."""
     mesh = read_gmsh(lambda: ring("arch", 0.0, (4.0, 5.0), (2, 12), ("inside", "back"), ends="feet"))
     scene = Scene(Body(mesh, "arch", neo_hooke(0.5, 5.0)), plane="strain")
-    ground = rigid_curve(flat, group="flat", name="ground")
+    ground = rigid_curve(lambda: straight("flat", (14, 0), (-14, 0), 22), group="flat", name="ground")
     lid = rigid_plane((0, 5, 0), normal=(0, -1, 0), name="lid")
     scene.contact("feet", ground, MU, name="feet")
     scene.contact("back", lid, name="lid")

@@ -15,8 +15,7 @@ class Foresight:
     """Contact pressures as unknowns that solves carry along, and sights that are held.
 
     contacts: those that foresee pressures; foretells: do all contacts foresee friction, too; settles: do both alone say who
-    is in contact; linearised: {term: where its
-    points were at the last tangent}.
+    is in contact; linearised: {term: where its points were at the last tangent}.
     """
 
     def __init__(self, contacts: Sequence[ContactTerm]) -> None:

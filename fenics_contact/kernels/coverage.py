@@ -20,7 +20,7 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE, Lists, Projection
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm, plus, put, row, times
+from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm, planar, plus, put, row, times
 from fenics_contact.types import Floats, Ints64
 
 Ends = tuple[Ints64, Ints64, Ints64, Ints64]
@@ -133,7 +133,7 @@ def _nearest_end(
             continue
         y = minus(a, x)
         nu = times(1.0 / math.sqrt(size), across)
-        seen, way = less(along, dot(n, along), n), less(y, dot(n, y), n)
+        seen, way = planar(along, n), planar(y, n)
         s = min(max(-dot(way, seen) / size, 0.0), 1.0)
         r = norm(less(way, -s, seen))
         if abs(dot(n, less(y, -s, along)) + g) > STEEP * r + LEVEL * norm(along):
@@ -185,7 +185,7 @@ def coverage(
         a, b = row(coords, edges[e, 0]), row(coords, edges[e, 1])
         along, stretch = minus(b, a), -d / (w * w)
         turned = plus(times(1.0 / w, minus(a, x)), times(stretch, span))  # the share's rate with nu, which keeps its length
-        turned = times(1.0 / norm(cross(along, n)), less(turned, dot(nu, turned), nu))
+        turned = times(1.0 / norm(cross(along, n)), planar(turned, nu))
         by_along = cross(n, turned)
         around[q, 0], around[q, 1], around[q, 2], around[q, 3] = edges[e, 0], edges[e, 1], far, near
         put(slopes, q, 0, times(-1.0 / w, nu))

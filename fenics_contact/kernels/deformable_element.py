@@ -48,6 +48,7 @@ from fenics_contact.kernels.vectors import (
     of_four,
     of_nodes,
     of_three,
+    planar,
     plus,
     put,
     row,
@@ -164,7 +165,7 @@ def normal_rate(kind: int, pair: Pair, beta: Floats, dn: Floats) -> None:
     n, r1, r2 = pair.n, pair.r1, pair.r2
     a11, a12, a22, twist = dot(r1, r1), dot(r1, r2), dot(r2, r2), dot(n, pair.r12)
     det = a11 * a22 - a12 * a12
-    across1, across2 = less(r1, dot(n, r1), n), less(r2, dot(n, r2), n)
+    across1, across2 = planar(r1, n), planar(r2, n)
     for mode in range(DRAG):
         beta1, beta2 = got(beta, 0, mode), got(beta, 1, mode)
         if kind == INTERIOR:

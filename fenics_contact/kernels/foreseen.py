@@ -8,7 +8,7 @@ from numba import njit
 
 from fenics_contact.kernels.law import FREE, Gaps, Law, traction
 from fenics_contact.kernels.status import SLIP, STICK
-from fenics_contact.kernels.vectors import Vector, dot, less, norm
+from fenics_contact.kernels.vectors import Vector, dot, norm, planar
 from fenics_contact.types import Floats
 
 # Of a body's stiffness beneath its nodes, E/h: what a gap or way still wrong weighs against the traction that was foreseen
@@ -30,7 +30,7 @@ def rubs(law: Law, body: float, judged: Floats, at: int, n: Vector, w: Vector) -
     if len(judged) == 0 or law.friction.mu == 0.0:
         return FREE, w, 1.0
     foreseen = judged[at, 1], judged[at, 2], judged[at, 3]
-    foreseen, own = less(foreseen, dot(n, foreseen), n), less(w, dot(n, w), n)
+    foreseen, own = planar(foreseen, n), planar(w, n)
     found, onwards = traction(law, Gaps(judged[at, 0], judged[at, 0]), n, foreseen), dot(foreseen, own)
     if found.status != SLIP or onwards <= 0.0:
         return STICK, w, 1.0

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from numba import njit
 
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import AXES, ZERO, Vector, dot, less, norm, plus, row, times
+from fenics_contact.kernels.vectors import AXES, ZERO, Vector, dot, less, norm, planar, plus, row, times
 from fenics_contact.types import Floats
 
 FREE = -1  # no status: the way decides
@@ -167,7 +167,7 @@ def traction(law: Law, gaps: Gaps, n: Vector, w: Vector, told: int = FREE) -> Tr
     if law.friction.mu == 0.0:
         return Traction(CLOSED, N, 0.0, 0.0, 0.0, ZERO, ZERO, times(N, n))
     # of (17): eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k))
-    trial = times(law.eps_t, less(w, dot(n, w), n))
+    trial = times(law.eps_t, planar(w, n))
     limit, slope = friction_limit(law.friction, -law.eps_n * gaps.decides)
     size = strength_taken(law.friction, trial)
     # A way within round-off has no direction to slip in. A point that slipped when the last step was accepted starts the

@@ -319,7 +319,7 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
             at_ends += share * N[A] * slaves.leans[f, c]
             across += share * dot(along, t)
             tangential = less(tangential, -share, t)
-            in_plane = less(t, dot(n, t), n)
+            in_plane = planar(t, n)
             rises = dot(along, t) - dot(n, t)
             sums[A, 3] += share * N[A]
             sums[A, 7] += share * dot(in_plane, in_plane)

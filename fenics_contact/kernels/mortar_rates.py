@@ -292,11 +292,11 @@ def _held_rates(foot: Foot) -> tuple[Vector, Vector, Rows]:
     n, c1, c2 = foot.n, foot.c1, foot.c2
     lean = plus(times(dot(n, foot.r1), c1), times(dot(n, foot.r2), c2))
     turn = times(foot.g, lean)
-    p1, p2 = less(foot.r1, dot(n, foot.r1), n), less(foot.r2, dot(n, foot.r2), n)
+    p1, p2 = planar(foot.r1, n), planar(foot.r2, n)
     drag0 = plus(times(p1[0], c1), times(p2[0], c2))
     drag1 = plus(times(p1[1], c1), times(p2[1], c2))
     drag2 = plus(times(p1[2], c1), times(p2[2], c2))
-    return minus(n, lean), less(turn, dot(n, turn), n), (drag0, drag1, drag2)
+    return minus(n, lean), planar(turn, n), (drag0, drag1, drag2)
 
 
 @njit(cache=True, error_model="numpy")

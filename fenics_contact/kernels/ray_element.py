@@ -10,7 +10,7 @@ x_S - x_M = g n gives, with r_1, r_2 of the master's facet,
 from numba import njit
 
 from fenics_contact.kernels.deformable_element import FIRST, JUMP, SECOND, Pair
-from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, put, times
+from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, planar, put, times
 from fenics_contact.types import Floats
 
 
@@ -51,7 +51,7 @@ def ray_gap_rate(pair: Pair, jump: Vector, first: Vector, second: Vector) -> flo
     """dg when x_S - x_M, place on the facet held, and the slave's tangents change by jump, first, second."""
     n = pair.n
     turn = less(cross(pair.t2, first), -1.0, cross(second, pair.t1))
-    jump_along = less(jump, pair.g / pair.size, less(turn, dot(n, turn), n))
+    jump_along = less(jump, pair.g / pair.size, planar(turn, n))
     one, two = foot_covectors(pair)
     foot = less(times(dot(one, jump_along), pair.r1), -dot(two, jump_along), pair.r2)
     return dot(n, minus(jump, foot))

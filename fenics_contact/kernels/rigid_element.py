@@ -23,7 +23,7 @@ from fenics_contact.kernels.foreseen import rubs
 from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, partials, traction
 from fenics_contact.kernels.rigid_shapes import edge_cover, ends_sharply, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
-from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, norm, of_three, plus, put, row, times
+from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, norm, of_three, planar, plus, put, row, times
 from fenics_contact.types import Floats, Ints
 
 # The groups, in this order
@@ -145,7 +145,7 @@ def _weighed(by: Partials, weight: float) -> Partials:
 
 @njit(cache=True)
 def _put_rubbed(rubbed: Floats, e: int, q: int, pull: Vector, by: Partials, n: Vector) -> None:
-    across = less(by.g, dot(n, by.g), n)
+    across = planar(by.g, n)
     for i in range(3):
         rubbed[e, q, i, 0], rubbed[e, q, i, 1] = pull[i], across[i]
         rubbed[e, q, i, 2], rubbed[e, q, i, 3], rubbed[e, q, i, 4] = by.w[i]
@@ -207,7 +207,7 @@ def committed_anchors(
                 kept = less(foot, 1.0 / eps_t[e], found.tangential)
             slip = minus(kept, anchor)
             if sharp:
-                slip = less(slip, dot(n, slip), n)
+                slip = planar(slip, n)
             sliding[e, q] = norm(slip) if found.status == SLIP else 0.0
             put(new_anchor, e, q, kept)
 

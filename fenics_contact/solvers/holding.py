@@ -212,8 +212,10 @@ def _sliding_softly(
 ) -> Finding | None:
     """See `sliding`: of what pushed tools do if the bodies give way to them. A soft tyre that turned with its hub as a rigid
     body would press its flat into the road; where it spins, ever other parts of it are pressed flat. Collective."""
-    used = _spent(system, near, _giving_way(system, rough, rough), asked)
-    for way in _giving_way(system, rough, list(used)) if used else []:
+    used = _spent(system, near, ways := _giving_way(system, rough, rough), asked)
+    if used and list(used) != rough:
+        ways = _giving_way(system, rough, list(used))
+    for way in ways if used else []:
         if _taken_by_friction(system, way, used):
             parts = by_owner(system, way)
             end = "a greater push has no balance"
