@@ -21,6 +21,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.kernels.status import SLIP
+from fenics_contact.meshes import rectangles
 
 RADIUS = 0.3  # mm, in cells of 0.12
 
@@ -97,6 +98,26 @@ def test_a_flat_slave_keeps_its_own_normals():
     last = dragged(0.5, tilt=0.0, press=0.05, swapped=True).history[-1]
     assert last["c_sticking_points"] == 0
     assert abs(last["c_force_x_N"] / last["c_force_y_N"]) == pytest.approx(0.5, rel=1e-3)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree, off", [(1, 0.002), (2, 0.005)])
+def test_a_flat_wall_is_the_same_in_one_facet_or_many(degree, off):
+    """A strip's edge folds as it slides: its normals lean across the wall's ends, however far off these are."""
+    ratios = []
+    for cells in (1, 8):
+        mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (1.5, 2.0), (6, 12))})
+        scene = Scene(Body(mesh, "strip", neo_hooke(0.5, 4.0)), plane="strain", degree=degree)
+        wall = rigid_curve(lambda n=cells: straight("wall", (0.0, -7.0), (0.0, 9.0), n), group="wall", name="wall")
+        scene.contact("strip_xmin", wall, friction=0.3, name="c")
+        scene.fix("strip_xmax")
+        press = Stage("press", prescribe={("strip_xmax", "x"): -0.1}, steps=2)
+        drag = Stage("drag", prescribe={("strip_xmax", "y"): 1.2}, steps=6)
+        result = solve(scene, stages=[press, drag]).require()
+        assert result.history[-1]["c_sticking_points"] == 0
+        ratios.append(np.abs(result.column("c_force_y_N") / result.column("c_force_x_N"))[2:])
+    np.testing.assert_allclose(ratios[0], ratios[1], rtol=1e-5)
+    np.testing.assert_allclose(ratios[0][-1], 0.3, rtol=off)
 
 
 @pytest.mark.serial

@@ -169,8 +169,8 @@ def test_forces_balance_and_a_turn_of_everything_changes_no_traction(points):
 
 
 def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
-    """Pressed, held for two steps, as edges press along the master's normals of the step before, then turned by 360 degrees
-    in 20 steps, every support moving along a circle in each step."""
+    """Pressed, held for three steps, as edges press along the master's normals of the step before, then turned by 360
+    degrees in 20 steps, every support moving along a circle in each step."""
     _, scene = blocks(lower_cells=(3, 3, 1), upper_cells=(2, 2, 1))
     pressed, held, centre = 0.1, 0.2, np.array([15.0, 20.0, 0.0])
 
@@ -184,9 +184,9 @@ def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
         for i, axis in enumerate("xyz"):
             scene.prescribe(face, axis, lambda X, t, i=i, down=down: moved(X, t, down)[:, i])
     scene.contact("upper_bottom", "lower_top", 5.0, name="c")
-    times = [pressed, 0.15, held, *(held + (1.0 - held) * np.arange(1, 21) / 20)]
+    times = [pressed, 0.13, 0.16, held, *(held + (1.0 - held) * np.arange(1, 21) / 20)]
     found = []
-    for last in (3, 4, 10, 23):  # states after holding, one step, a third of a turn, the whole turn
+    for last in (4, 5, 11, 24):  # states after holding, one step, a third of a turn, the whole turn
         result = solve(scene, steps=times[:last], method=Method(tolerance=1e-10))
         assert result.converged and result.verdict.cuts == 0
         contact = result.system.contacts[0]

@@ -253,13 +253,22 @@ def _spread(share: Floats, normals: Floats) -> Floats:
 
 def _aside(places: NodePlaces, feet: MortarFeet, theirs: Floats) -> tuple[Floats, Bools, Bools]:
     """What is added to the normals of samples (np, 3) for the master's, theirs (np, 3), which of them see it, and which
-    lean across one of its ends or creases: nothing is added there, for its own edges press along the slave's normals."""
+    lean across one of its ends or creases, on facets no farther from it than they are long: nothing is added there, for the
+    master's edges press along the slave's normals."""
     facet, kind, normals = feet.projection[0], feet.projection[1], feet.projection[5]
     sees = kind != NONE
     part = np.where(sees, np.einsum("qc,qc->q", theirs, normals), 1.0)
     aside = theirs / part[:, None] - normals
     lean, x = np.linalg.norm(aside, axis=1), feet.coords[places.ring[facet]]
     sides = np.roll(x, -1, axis=1) - x
-    across = np.abs(np.einsum("qec,qc->qe", sides, aside)) < ACROSS * np.linalg.norm(sides, axis=2) * lean[:, None]
-    ends = sees & (places.edges[facet] & across).any(axis=1)
+    lengths = np.maximum(np.linalg.norm(sides, axis=2), 1e-300)
+    across = np.abs(np.einsum("qec,qc->qe", sides, aside)) < ACROSS * lengths * lean[:, None]
+    across &= sees[:, None] & places.edges[facet]
+    foot = np.where(sees[:, None], feet.met[10][:, 0], 0.0)[:, None]
+    off, own = np.linalg.norm(np.cross(sides, foot - x), axis=2) / lengths, feet.samples.slaves.facet
+    corners = feet.coords[places.around.corners]
+    size = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1, initial=0.0)
+    near = np.zeros(len(corners), dtype=bool)
+    near[own[(across & (off < size[own, None])).any(axis=1)]] = True
+    ends = across.any(axis=1) & near[own]
     return np.where((sees & ~ends)[:, None], np.clip(lean / SETTLED - 1.0, 0.0, 1.0)[:, None] * aside, 0.0), sees, ends
