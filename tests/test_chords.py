@@ -81,6 +81,25 @@ def test_flat_surfaces_and_creases_cut_off_nothing():
     assert np.abs(cut_off(SimpleNamespace(corners=(rings, np.full(6, 4)), X=corners))).max() == 0.0
 
 
+def test_a_ridge_beside_flat_facets_is_no_arc():
+    """One end of a side leans, the other does not; of an arc between flats all sides but the first and the last are its."""
+    angles = np.radians([0.0, 0.0, 0.0, 20.0, 20.0])
+    X = np.cumsum([[0.0, 0.0, 0.0], *np.column_stack([3.0 * np.cos(angles), -3.0 * np.sin(angles), 0.0 * angles])], axis=0)
+
+    def drawn(X):
+        first = np.arange(len(X) - 1)
+        ends = [first + 1, first]
+        return SimpleNamespace(corners=(np.stack([*ends, *ends[::-1]], axis=1), np.full(len(first), 2)), X=X)
+
+    assert np.abs(cut_off(drawn(X))).max() < 1e-15
+    turns = np.radians([0.0, 0.0, *np.arange(2.5, 90.0, 5.0), 90.0, 90.0])  # sides of an arc of radius 2 between flats
+    length = 4.0 * np.sin(np.radians(2.5))
+    X = np.cumsum([[0.0, 0.0, 0.0], *(length * np.column_stack([np.cos(turns), -np.sin(turns), 0.0 * turns]))], axis=0)
+    found = cut_off(drawn(X))
+    np.testing.assert_allclose(found[3:-3], length**2 / 8.0 / 2.0 * 2.0 / 3.0, rtol=2e-3)
+    assert np.abs(found[[0, 1, -2, -1]]).max() < 1e-15
+
+
 # -- what they do to loads ----------------------------------------------------------------------------------------------
 def fit(cells, interference, order=1, swap=False, deep=False, degree=None, points=None):
     """A shaft grown into a hub by an interference (quarter, plane strain); cells around of both; deep: a layer in space;

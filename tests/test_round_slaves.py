@@ -121,6 +121,34 @@ def test_a_flat_wall_is_the_same_in_one_facet_or_many(degree, off):
 
 
 @pytest.mark.serial
+def test_a_slight_ridge_changes_nothing_on_the_flat_facets_beside_it():
+    """However long these are: their normals do not turn on the way to it, and no arc is cut off."""
+    ratios = []
+    for slope, cells in ((0.0, 1), (0.4, 1), (0.57, 4)):
+        mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (1.5, 2.0), (6, 12))})
+        scene = Scene(Body(mesh, "strip", neo_hooke(0.5, 4.0)), plane="strain")
+
+        def wall(slope=slope, cells=cells):  # the strip begins 0.3 below the ridge and is drawn down
+            geo = gmsh.model.geo
+            points = [geo.addPoint(*place, 0.0) for place in ((0.0, -5.7), (0.0, 2.3), (-slope, 3.3))]
+            lines = [geo.addLine(*pair) for pair in zip(points, points[1:], strict=False)]
+            for line, count in zip(lines, (cells, 1), strict=True):
+                geo.mesh.setTransfiniteCurve(line, count + 1)
+            geo.synchronize()
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, lines), "wall")
+            gmsh.model.mesh.generate(1)
+
+        scene.contact("strip_xmin", rigid_curve(wall, group="wall", name="wall"), friction=0.3, name="c")
+        scene.fix("strip_xmax")
+        press = Stage("press", prescribe={("strip_xmax", "x"): -0.04}, steps=2)
+        drag = Stage("drag", prescribe={("strip_xmax", "y"): -1.2}, steps=8)
+        result = solve(scene, stages=[press, drag]).require()
+        assert not any("lean from" in note or "as round as" in note for note in result.verdict.notes), result.verdict.notes
+        ratios.append((result.column("c_force_y_N") / result.column("c_force_x_N"))[2:])
+    np.testing.assert_allclose(np.abs(ratios), 0.3, rtol=2e-3)
+
+
+@pytest.mark.serial
 def test_what_comes_to_rest_stays_there():
     """The master's normals are those where the last step ended: forces settle with them."""
     result = dragged(0.5, tilt=0.0, press=0.05, stages=4)

@@ -1,8 +1,9 @@
 """What straight cells cut off a round surface: how far this lies from their facets, by the normals around their corners.
 
 A side e of a facet between corners with the surface's normals n and n' is the chord of an arc that lies e . (n' - n)/8
-beside its middle: outside on a convex surface, inside (negative) in a bore.  On a triangle that grows as the sides' three
-parabolas do, and is a third of the sum of their heights on average.
+beside its middle: outside on a convex surface, inside (negative) in a bore.  Of a = -e . n and b = e . n', alike on arcs,
+that takes twice the harmonic mean: where only one is not 0 the side lies beside a ridge.  On a triangle it grows as the
+sides' three parabolas do, and is a third of the sum of their heights on average.
 
 Elements of degree 1 have no more than that mean.  Gauss points of degree 2 touch where surfaces stick out, and a mean is
 none of theirs: heights at the middles of the sides, carried by the facet's shape functions, are the parabolas themselves.
@@ -59,8 +60,10 @@ def _arcs(surface: FacetSurface) -> tuple[Floats, Floats]:
     unit = across / np.maximum(area, 1e-300)[:, None]
     sums = np.add.reduceat(angles[:, None] * unit[facets], starts[:-1])
     normals = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300))[group]
-    sides, turns = (np.roll(corners, -1, axis=1) - corners for corners in (X[triangles], normals))
-    heights = np.einsum("tic,tic->ti", sides, turns) / 8.0
+    sides = np.roll(X[triangles], -1, axis=1) - X[triangles]
+    first, last = -(sides * normals).sum(axis=2), (sides * np.roll(normals, -1, axis=1)).sum(axis=2)
+    both = np.maximum(first * last, 0.0)
+    heights = 0.5 * both / np.where(both > 0.0, first + last, 1.0)
     return area.reshape(2, -1), heights.reshape(2, -1, 3)
 
 

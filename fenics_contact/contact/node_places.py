@@ -30,6 +30,7 @@ Project = Callable[[Floats, Floats, Floats], Projection]
 ACROSS = np.sqrt(0.5)  # less of a lean that lies along an edge: it leans across that
 SETTLED = 1e-4  # less by which a normal leans, a hundredth of a percent of the load aside, is nothing; the double is all
 FLATTER = 30.0  # times less than by which a slave bends: what the squares of the master's normals spread around a node
+NONE_LEANS = np.radians(1.0)  # what corners of flat facets lean by
 SEARCH = 2.0  # times a cell or facet: iterates go far, and a sample that loses its foot loses its node's pressure
 
 
@@ -72,6 +73,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         m = int(master.corners[1].max(initial=3))
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
         self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
+        self._alone = _alone(self._smooth(X)[0][self._smooth.group], X[self.ring])
         self._aside: tuple[Floats, Steered] | None = None  # places of all nodes, and what a step from there presses along
         self._beyond = beyond_edges(master.corners)
         creased = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < cosine
@@ -106,8 +108,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], feet.coords[self.facets[0][facet]]) for i in (1, 2))
             theirs = unit(np.cross(along, across))
         else:
-            corners, m = self._smooth(feet.coords)[0][self._smooth.group[facet]], self._smooth.group.shape[1]
-            theirs = unit(np.einsum("qi,qic->qc", feet.met[9][:, 0, :m], corners))
+            corners, flat = self._smooth(feet.coords)[0][self._smooth.group[facet]], _flat(feet.coords[self.ring[facet]])
+            corners = corners - self._alone[facet] * _across(corners, flat)
+            theirs = unit(np.einsum("qi,qic->qc", feet.met[9][:, 0, : corners.shape[1]], corners))
         return theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
 
     def use(self, samples: Samples) -> None:
@@ -218,6 +221,29 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             return 0.0
         normals, corners = -feet.projection[5], feet.coords[self.facets[0]]
         return seen_from_behind(self.comm, feet.points, normals, corners, self.surface.cell_height)
+
+
+def _flat(x: Floats) -> Floats:
+    """Unit normals (n, 1, 3) of facets with corners x (n, m, 3)."""
+    return unit(np.cross(x[:, 1] - x[:, 0], x[:, -1] - x[:, 0]))[:, None]
+
+
+def _across(normals: Floats, flat: Floats) -> Floats:
+    """Vectors (n, m, 3) without their part along unit normals (n, 1, 3)."""
+    return np.asarray(normals - (normals * flat).sum(axis=2, keepdims=True) * flat)
+
+
+def _alone(normals: Floats, x: Floats) -> Floats:
+    """Shares (nf, m, 1) of what normals (nf, m, 3) at the corners x (nf, m, 3) of facets lean by that have no like at the
+    other ends of their sides: on an arc both ends lean as far, beside a ridge, which is none, one alone does."""
+    lean = _across(normals, _flat(x))
+    kept, whole = np.full((2, *lean.shape[:2]), NONE_LEANS**2)
+    for to in (1, -1):
+        side = unit((np.roll(x, -to, axis=1) - x).reshape(-1, 3)).reshape(x.shape)
+        one, other = (lean * side).sum(axis=2), -(np.roll(lean, -to, axis=1) * side).sum(axis=2)
+        both, whole = np.maximum(one * other, 0.0), whole + one * one
+        kept += one * one * np.minimum(2.0 * both / np.maximum(one * one + both, 1e-300), 1.0)
+    return np.asarray(1.0 - kept / whole)[..., None]
 
 
 def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
