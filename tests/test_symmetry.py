@@ -154,6 +154,47 @@ def test_a_rough_lid_at_rest_over_a_strip_that_is_stretched_is_told(friction, st
     assert notes == [not alike] * 2 and alike == (friction == 0.0 or stretch == 0.0), (notes, forces)
 
 
+def quarter_tubes(around):
+    """A quarter tube of radii 1 and 2, and one of 2.05 and 3 around it, 3 long in three cells."""
+    geo, found = gmsh.model.geo, {}
+    for name, radii, cells in (("inner", (1.0, 2.0), around), ("outer", (2.05, 3.0), around + 1)):
+        places = ((0, 0), *((r, 0) for r in radii), *((0, r) for r in radii[::-1]))
+        o, a, b, c, d = (geo.addPoint(x, y, 0) for x, y in places)
+        sides = [geo.addLine(a, b), geo.addCircleArc(b, o, c), geo.addLine(c, d), geo.addCircleArc(d, o, a)]
+        base = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+        for side, count in zip(sides, (1, cells, 1, cells), strict=True):
+            geo.mesh.setTransfiniteCurve(side, count + 1)
+        geo.mesh.setTransfiniteSurface(base)
+        geo.mesh.setRecombine(2, base)
+        _, (_, volume), *swept = geo.extrude([(2, base)], 0, 0, 3.0, [3], recombine=True)
+        sides = ("symmetry_y", f"{name}_outside", "symmetry_x", f"{name}_inside")
+        found[3, name] = [volume]
+        for side, (_, tag) in zip(sides, swept, strict=True):
+            found.setdefault((2, side), []).append(tag)
+    geo.synchronize()
+    for (dim, name), tags in found.items():
+        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
+    gmsh.model.mesh.generate(3)
+
+
+@pytest.mark.parametrize("around", [4, 8])
+@pytest.mark.parametrize("slave, master", [("inner_outside", "outer_inside"), ("outer_inside", "inner_outside")])
+def test_a_round_side_goes_on_across_its_planes_of_symmetry(slave, master, around):
+    """A quarter tube in another: its facets lean from the planes by up to 11 degrees. Its ends along the axis are ends."""
+    mesh = read_gmsh(quarter_tubes, around=around)
+    law = neo_hooke(1.0, 5.0)
+    scene = Scene(Body(mesh, "inner", law), Body(mesh, "outer", law))
+    scene.fix("symmetry_x", "x")
+    scene.fix("symmetry_y", "y")
+    scene.fix("inner_inside", "z")
+    scene.fix("outer_outside")
+    scene.contact(slave, master, 0.2, name="c")
+    contact = build(scene).system.contacts[0]
+    places, X = contact.places.around, contact.places.skin.X
+    z = X[places.corners][..., 2]
+    np.testing.assert_array_equal(places.tips, np.isclose(z, 0.0) | np.isclose(z, 3.0))
+
+
 @pytest.mark.parametrize("plane", [False, True])
 def test_a_half_that_grows_through_its_plane_is_told(plane):
     """A block on a wider base, the planes of symmetry of which it reaches as it is pressed."""

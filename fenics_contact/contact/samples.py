@@ -24,7 +24,7 @@ RINGS = {
     4: np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
 }
 ROUNDED = 1e-13  # of an area: what sums leave
-HELD = 1e-6  # of a way across an end: what else nodes can go there is rounding
+MIRRORED = np.sin(np.radians(CREASE / 2))  # of a way across an end: with less a facet and its mirror image have no crease
 # (np, 2), (nf, m): parts of their facets' tangents in what is added to the normals of samples, and how much of it where
 # each corner presses
 Steered = tuple[Floats, Floats]
@@ -165,7 +165,8 @@ class SlaveFacets:
 
     def _ends(self, free: Array) -> Ints:
         """The surface's nodes where it ends or has a crease; creases of the facets around this rank's own nodes. Where
-        supports let end nodes (ns, 3, 3) go no way across an end, as at a plane of symmetry, it goes on. Collective."""
+        supports let end nodes (ns, 3, 3) go no way across an end, as at a plane of symmetry, it goes on:
+        facets of round sides lean by half of what they turn there. Collective."""
         skin, ring = self._skin, self._skin.corners[0]
         ways, n = np.tile(np.eye(3), (len(skin.X), 1, 1)), len(skin.moving)
         for own, theirs in skin.comm.allgather((self.own, free)):
@@ -176,8 +177,8 @@ class SlaveFacets:
         across = np.cross(skin.X[pairs[:, 1]] - skin.X[pairs[:, 0]], np.tile(area_vectors(skin.X[ring]), (len(sides), 1)))
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
         _, where, times = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True, return_counts=True)
-        moves = np.abs(np.einsum("eifc,ec->eif", ways[pairs], across)).max(axis=(1, 2), initial=0.0)
-        ends = (pairs[:, 0] != pairs[:, 1]) & (times[where.ravel()] == 1) & (moves > HELD)
+        moves = np.linalg.norm(np.einsum("eifc,ec->eif", ways[pairs], across), axis=2).max(axis=1, initial=0.0)
+        ends = (pairs[:, 0] != pairs[:, 1]) & (times[where.ravel()] == 1) & (moves > MIRRORED)
         normals = np.unique(np.column_stack([self.corners.ravel(), self.group.ravel()]), axis=0)
         nodes, several = np.unique(normals[:, 0], return_counts=True)
         return np.union1d(pairs[ends], nodes[several > 1])
