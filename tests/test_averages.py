@@ -27,7 +27,7 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.compat import geometry_dofmap
-from fenics_contact.contact.findings import ASIDE
+from fenics_contact.contact.leaning import ASIDE
 from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.meshes import ironing as mesh_script

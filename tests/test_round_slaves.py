@@ -121,6 +121,40 @@ def test_a_flat_wall_is_the_same_in_one_facet_or_many(degree, off):
 
 
 @pytest.mark.serial
+def test_what_acts_aside_at_walls_that_face_each_other_does_not_cancel():
+    """Two strips with their outer sides on two walls, drawn up and down, in one contact and in one each."""
+    told = []
+    for sides in ([("left_xmin", "right_xmax")], ["left_xmin", "right_xmax"]):
+        cells = {"left": ((0.0, 0.0), (1.5, 2.0), (6, 12)), "right": ((3.0, 0.0), (1.5, 2.0), (6, 12))}
+        mesh = read_gmsh(rectangles.build, rectangles=cells)
+        law = neo_hooke(0.5, 4.0)
+        scene = Scene(Body(mesh, "left", law), Body(mesh, "right", law), plane="strain", degree=2)
+
+        def walls():
+            geo = gmsh.model.geo
+            places = (((0.0, -7.0), (0.0, 9.0)), ((4.5, 9.0), (4.5, -7.0)))
+            lines = [geo.addLine(*(geo.addPoint(*place, 0.0) for place in ends)) for ends in places]
+            geo.synchronize()
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, lines), "walls")
+            gmsh.option.setNumber("Mesh.MeshSizeMax", 1.0)
+            gmsh.model.mesh.generate(1)
+
+        tool = rigid_curve(walls, group="walls", name="walls")
+        for side in sides:
+            scene.contact(side, tool, friction=0.3)
+        inner = ("left_xmax", "right_xmin")
+        for side in inner:
+            scene.fix(side)
+        press = Stage("press", prescribe={(side, "x"): way for side, way in zip(inner, (-0.1, 0.1), strict=True)}, steps=2)
+        drag = Stage("drag", prescribe={(side, "y"): way for side, way in zip(inner, (0.6, -0.6), strict=True)}, steps=3)
+        notes = solve(scene, stages=[press, drag]).require().verdict.notes
+        told.append([float(note.split("and ")[1].split(" of the load")[0]) for note in notes if "acts aside" in note])
+    assert len(told[0]) == 1 and len(told[1]) == 2
+    np.testing.assert_allclose(told[0], np.mean(told[1]), rtol=0.1)
+    assert told[0][0] > 0.005
+
+
+@pytest.mark.serial
 def test_a_slight_ridge_changes_nothing_on_the_flat_facets_beside_it():
     """However long these are: their normals do not turn on the way to it, and no arc is cut off."""
     ratios = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from fenics_contact.contact.coming_in import between_note, came_in, held_better,
 from fenics_contact.contact.corners import cornered
 from fenics_contact.contact.forces import ROUNDINGS
 from fenics_contact.contact.foremost import worst
+from fenics_contact.contact.leaning import LEANS, ROUND, bent_note, degrees, lean_note, lean_of
 from fenics_contact.contact.led import LED
 from fenics_contact.kernels.quadratic import TRIANGLE
-from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
@@ -37,16 +37,6 @@ CRUMBS = 1e-8  # of the coordinates: what a pressure must shorten the body benea
 STIFF, FEEBLE = 3e7, 1e-3
 OVER_STIFFNESS = "times Young's modulus over a cell's height, the default being 100 times"
 TINY = 1e-9  # of a node's area that is over the master, and of a pressure: less is none
-LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of 0.3 is off by a sixth
-# Likewise where all of a rough contact slides, so that its tangential force is friction's, and not what halves of a pressed
-# body hold against each other: edges of the slave are off by just what acts aside there. Where the master's edge is what
-# touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002 of the load, with 0.12 they are
-# off by 0.04
-ASIDE = 0.005
-BENT = 0.01  # of the friction of nodes that slip
-SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
-SMOOTH = "let the side without that edge be the slave"
-ROUND = "round the edge, with cells of a quarter of its radius"
 SLID_OFF = 0.5  # of the most area that was over the master at once: when so much has left it, that is what ails the contact
 
 
@@ -91,73 +81,6 @@ def _led_note(contact: Contact, state: State, noise: float) -> Remark | None:
         f"{led / total:.2g} of the contact's force acts where supports prescribe the slave along its normal, most at "
         f"{place}: there it is penalty times overlap, and no body's; leave these nodes free, or take what they lie on out "
         "of the slave",
-    )
-
-
-class _Lean(NamedTuple):
-    """Shares, see `_lean`."""
-
-    at_ends: float
-    all_over: float
-    lost: float
-
-
-def _lean(contact: Contact, state: State) -> _Lean:
-    """Shares of the contact's load by which the tangential force, that acts by the slave's normals, would change by the
-    master's: where an edge of the slave touches, and all over; and the share of the friction of nodes that slip which is
-    across the planes of their samples. Collective."""
-    sums = state.comm.allreduce(contact.led.lean(state))
-    size, (rubs, felt) = sums[9] if sums[9] > 0.0 else np.inf, sums[10:]
-    *aside, load = sums[:9].reshape(3, 3) / size
-    at_ends, all_over = np.linalg.norm(aside @ (np.eye(3) - np.outer(load, load)), axis=1)
-    return _Lean(float(at_ends), float(all_over), float((rubs - felt) / rubs) if rubs > 0.0 else 0.0)
-
-
-def _degrees(lean: float) -> str:
-    """The angle between normals that stands for a share as of `_lean`."""
-    return f"{np.degrees(2.0 * np.arcsin(min(0.5 * lean, 1.0))):.2g} degrees"
-
-
-def _lean_note(contact: Contact, state: State, lean: _Lean) -> Remark | None:
-    """None, or that contact acts by normals of the slave which are not the master's. Collective."""
-    at_ends, all_over, _ = lean
-    if max(at_ends, all_over) <= ASIDE:
-        return None
-    sticks, slips = _moves(contact, state)
-    slides = contact.rough and slips >= SEVERAL and not sticks
-    text = f"contact '{contact.name}': it acts by normals of the slave that lean from those of '{contact.master_name}'"
-    if at_ends > (ASIDE if slides else LEANS):
-        off = "by so much of the load its tangential force is off" if slides else "its tangential force may be off as far"
-        return Remark(
-            at_ends,
-            f"{text}: an edge of the slave folds, or turns within a step where it is what touches, and {at_ends:.2g} of the "
-            f"load acts aside; {off}; {SMOOTH}, {ROUND}, let it meet an analytic tool, or, if it turns, take more steps",
-        )
-    if slides and all_over > min(LEANS, 0.1 * contact.trial.law.friction.mu):  # or a tenth of friction itself
-        return Remark(
-            all_over,
-            f"{text}, an edge of which digs in, or where few nodes of a round side touch: its tangential force may be off "
-            f"by up to {all_over:.2g} of the load, as these pass; {ROUND}, finer cells on what is round, or more steps",
-        )
-    return None
-
-
-def _moves(contact: Contact, state: State) -> tuple[int, int]:
-    """How many points or nodes stick, and how many slip. Collective."""
-    status = contact.response(state).status
-    sticks, slips = state.comm.allreduce(np.array([np.count_nonzero(status == STICK), np.count_nonzero(status == SLIP)]))
-    return int(sticks), int(slips)
-
-
-def _bent_note(contact: Contact, state: State, lean: _Lean) -> Remark | None:
-    """None, or that friction is lost where the patch of a node, in which it has one direction, is bent. Collective."""
-    if lean.lost <= BENT or _moves(contact, state)[1] < SEVERAL:
-        return None
-    return Remark(
-        lean.lost,
-        f"contact '{contact.name}': friction has one direction in the patch of a slave node, whose facets are bent along "
-        f"it: {lean.lost:.2g} of it acts across them, and so much of its moment and work is missing; take finer cells on "
-        "what is round, or points=3 (Gauss points)",
     )
 
 
@@ -334,16 +257,16 @@ class Findings:
     def remarks(self, state: State, noise: float) -> dict[str, Remark]:
         """{kind: what is to be said of an accepted state}; noise: see Scales [force]."""
         contact = self._contact
-        lean = _lean(contact, state)
+        lean = lean_of(contact, state)
         kinds: dict[str, Callable[[Contact, State], Remark | None]] = {
             "led": partial(_led_note, noise=noise),
             "deep": _depth_note,
             "between": between_note,
             "hidden": hidden_note,
             "led in": led_in_note,
-            "leans": partial(_lean_note, lean=lean),
+            "leans": partial(lean_note, lean=lean),
             "edges": _edge_note,
-            "bent": partial(_bent_note, lean=lean),
+            "bent": partial(bent_note, lean=lean),
         }
         return {kind: note for kind, say in kinds.items() if (note := say(contact, state))}
 
@@ -366,10 +289,10 @@ class Findings:
 
     def pressing_edge(self, state: State) -> Finding | None:
         """An edge of the slave is what touches."""
-        contact, lean = self._contact, _lean(self._contact, state).at_ends
+        contact, lean = self._contact, lean_of(self._contact, state).at_ends
         if lean <= LEANS:
             return None
-        text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {_degrees(lean)}"
+        text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {degrees(lean)}"
         return Finding(UNKNOWN, text, f"contact '{contact.name}'", f"{ROUND}, or finer cells along it")
 
     def cornered(self, state: State) -> Finding | None:

@@ -178,8 +178,9 @@ class MortarPartner(OnFacets):
     def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
         """Sums over this rank's samples of what acts aside, a vector of nodes in facets at the slave's ends and creases and
         one of all, then of the load, a vector and its size, and, where nodes slip that press along their own normals, of
-        friction as they have it and as their samples do, (12,) [force]. Aside: of forces the part across the master's
-        normal, and where nodes slip what that lacks of friction's law by the part along it, the load.
+        friction as they have it and as their samples do, and of both kinds of what acts aside the part along friction, (14,)
+        [force]. Aside: of forces the part across the master's normal, and where nodes slip what that lacks of friction's law
+        by the part along it, the load.
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
@@ -205,7 +206,8 @@ class MortarPartner(OnFacets):
         felt = [np.linalg.norm(part, axis=2).sum() for part in (slid, slid - _dot(ours, slid) * ours)]
         near = np.isin(number, np.unique(around.number[around.tips.any(axis=1)]))
         all_over = [part.sum(axis=(0, 1)) for part in (apart, load * theirs)]
-        return np.concatenate([apart[near].sum(axis=0), *all_over, [load.sum()], felt])
+        along = _dot(apart, t / np.maximum(np.linalg.norm(t, axis=2, keepdims=True), 1e-300))[..., 0] * slips
+        return np.concatenate([apart[near].sum(axis=0), *all_over, [load.sum()], felt, [along[near].sum(), along.sum()]])
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

@@ -237,4 +237,4 @@ class PointPressures:
 
     def lean(self, feet: Any, trial: Trial) -> Floats:
         """Nothing: it is asked of averages alone."""
-        return np.zeros(12)
+        return np.zeros(14)
