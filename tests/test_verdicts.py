@@ -719,6 +719,20 @@ def test_a_first_step_that_asks_too_much_of_friction(push, twist, least, most):
     assert overdrawn(on_rough_ground(0.4 * push, 0.4 * twist).system(), 1e-3) is None
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("steps", [1, 3])
+@pytest.mark.parametrize("push", [0.31, 0.5, 1.0, 3.0])
+def test_a_lid_pushed_aside_by_more_than_friction_from_the_first_step_on(push, steps):
+    """It lies on the block: whatever single nodes do as it goes, it is friction that does not hold it."""
+    scene = Scene(Body(read_gmsh(box.build, size=(4, 4, 1), cells=(4, 4, 2)), "box", neo_hooke(0.5, 5.0)))
+    scene.fix("zmin")
+    lid = rigid_plane((0, 0, 1), normal=(0, 0, -1), name="lid")
+    scene.contact("zmax", lid, 0.3, name="c")
+    verdict = solve(scene, push={lid: (push, 0, -1.0)}, steps=steps).verdict
+    assert verdict.kind == "friction used up" and "'lid'" in verdict.reason
+    assert float(verdict.reason.split("T / (mu N) = ")[1].split(";")[0]) == pytest.approx(push / 0.3, rel=0.02)
+
+
 @pytest.mark.parallel
 def test_a_tool_that_turns_is_judged_by_the_forces_of_the_accepted_state(monkeypatch):
     """Not by those of the iterate that failed, of which the tangent of what is tied to it has the wrenches."""

@@ -74,8 +74,10 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         return lost[0]._replace(remedy="; or, where a body snaps past it, ".join([lost[0].remedy, *damping(system)]))
     if lifted := _lifted(system, goal):
         return lifted
-    if known.kind == SLIDES or (known.kind == RIGID_MOTION and not _touched(system)):
+    if known.kind == SLIDES:
         return known
+    if known.kind == RIGID_MOTION and not _touched(system):  # a tool that lies on a body touches it before anything presses
+        return overdrawn(system, goal) or known
     slides = sliding(system)
     found = (topples_stuck(system) or slides) if slides else None
     found = found or rigid_motion(system) or turns_freely(system) or slipping_away(system)
@@ -107,7 +109,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         ways = [*damping(system), *moved_instead(system), known.remedy]
         return known._replace(remedy=" or ".join(ways))
     if found is None and known.kind == RIGID_MOTION:  # one word for both: whether a step finds balance there is round-off
-        found = _letting_go(system)
+        found = overdrawn(system, goal) or _letting_go(system)
     return found or known
 
 
