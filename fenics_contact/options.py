@@ -16,6 +16,7 @@ from fenics_contact.solvers.linear import LINEAR
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, count, finite, flag, is_number, positive, shown
 
+SHORTEST = 1e-9  # of all stages' duration: parts of a stage are known to 1e-7 at least
 Steps = int | float | Sequence[float] | Floats | ArcSteps
 
 
@@ -106,6 +107,12 @@ def stated_stages(
     names = [stage.name for stage in stages]
     if twice := [name for name in names if names.count(name) > 1]:
         raise SceneError(f"two stages are named '{twice[0]}'; give each a name of its own")
+    shortest, whole = min(stages, key=lambda stage: stage.duration), sum(stage.duration for stage in stages)
+    if shortest.duration < SHORTEST * whole:
+        raise SceneError(
+            f"{shortest}: duration = {shortest.duration:g} is lost in rounding beside the {whole:g} of all stages; give "
+            "durations that differ by less"
+        )
     first, *later = stages
     supports, pairs = [one for one in scene.supports if one.value != 0.0], [pair for pair in scene.pairs if pair.driven]
     given = [*scene.loads, *supports, *pairs]

@@ -324,6 +324,8 @@ WRONG_VALUES = {
     "element number": (lambda s: Scene(Body(s.mesh, "box", LAW), element=2), "element", "2", "mixed"),
     "units text": (lambda s: Scene(Body(s.mesh, "box", LAW), units="mm"), "units", "'mm'", "Units("),
     "unit number": (lambda s: fc.Units("mm", "N", 1e6), "Units: pressure", "text"),
+    "units that differ": (lambda s: fc.Units("mm", "N", "Pa"), "Units", "Pa is not N per mm squared"),
+    "units in a wrong order": (lambda s: fc.Units("N", "mm", "MPa"), "Units: length = 'N' is a unit of force"),
     "unit empty": (lambda s: fc.Units(""), "Units: length", "text"),
     # supports
     "fix nothing": (lambda s: held(s.mesh).fix("zmax", ""), "fix 'zmax'", "axis ''"),

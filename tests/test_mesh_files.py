@@ -634,6 +634,17 @@ def test_an_abaqus_file_that_is_refused(folder, text, words):
     refused(lambda: read_mesh(written(folder / "bad.inp", text)), "bad.inp", *words, kind=SceneError)
 
 
+def test_names_in_quotes_have_commas_of_their_own(folder):
+    """Programs that let people name sets quote what they write."""
+    text = (
+        CUBE
+        + '*NSET, NSET="Set, 1"\n1, 2, 3, 4\n*NSET, NSET="Set, 2", GENERATE\n5, 8, 1\n*NSET, NSET=both\n"Set, 1", "Set, 2"\n'
+    )
+    mesh = read_mesh(written(folder / "quoted.inp", text))
+    assert set(mesh.surfaces) == {"Set, 1", "Set, 2", "both"}
+    assert area(mesh, "one", "Set, 1") == pytest.approx(area(mesh, "one", "Set, 2"))
+
+
 def test_no_set_is_advised_where_an_abaqus_file_has_none(folder):
     text = CUBE.replace(", ELSET=one", "")
     assert "bod" not in refused(lambda: read_mesh(written(folder / "a.inp", text))).split("no body; ")[1]

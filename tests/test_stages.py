@@ -1017,6 +1017,10 @@ def wrong(stages, *words, **options):
 WRONG = {
     "no list": (lambda b: Stage("a", move={b: (0, 0, -1)}), "give a list of Stage"),
     "none": (lambda b: [], "give a list of Stage"),
+    "lost": (
+        lambda b: [Stage("a", move={b: (0, 0, -1)}, duration=1e6), Stage("b", move={b: (1, 0, 0)}, duration=1e-4)],
+        "stage 'b': duration = 0.0001 is lost in rounding beside the 1e+06 of all stages",
+    ),
     "twice": (lambda b: [Stage("a", move={b: (0, 0, -1)}), Stage("a", move={b: (1, 0, 0)})], "two stages are named 'a'"),
     "no name": (lambda b: [Stage("", move={b: (0, 0, -1)})], "name"),
     "idle": (lambda b: [Stage("a", move={b: (0, 0, -1)}), Stage("rest")], "stage 'rest'", "nothing to do"),

@@ -22,6 +22,7 @@ _DIMENSION = {"C3D": 3} | dict.fromkeys(("T2D", "T3D", "R2D", "RAX"), 1)  # 2 fo
 _PASSED = ("MASS", "ROTARYI", "SPRING", "DASHPOT", "CONN", "GAP", "DCOUP", "RNODE", "HEATCAP", "B33", "B23", "PIPE", "FRAME")
 _PLACED = {"NGEN", "NCOPY", "NFILL", "NMAP", "ELGEN", "ELCOPY", "SYSTEM"}  # make or move nodes and elements
 _FORTRAN = re.compile(r"[-+.\d]+[dD][-+]?\d+")  # a number with D for its exponent
+_COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # one that parts entries: none within quotes
 _LOOSE = {"ASSEMBLY": True, "INSTANCE": False, "END INSTANCE": True, "END ASSEMBLY": False}
 
 
@@ -187,6 +188,11 @@ def _lines(model: Model, path: Path, within: tuple[Path, ...] = ()) -> Iterator[
             yield from _lines(model, path.parent / other[1].strip(), (*within, path.resolve()))
 
 
+def _entries(text: str) -> list[str]:
+    """What commas part; names in quotes may have some of their own."""
+    return [part.strip().strip('"') for part in (_COMMA.split(text) if '"' in text else text.split(","))]
+
+
 def _keywords(model: Model, path: Path) -> Iterator[tuple[str, dict[str, str], int, list[Line]]]:
     """(keyword in capitals, {parameter in capitals: value}, its Line.at, lines of data)."""
     head, began = "", 0
@@ -199,7 +205,7 @@ def _keywords(model: Model, path: Path) -> Iterator[tuple[str, dict[str, str], i
                 data.append(line)
             continue
         if head:
-            keyword, *parameters = (part.strip() for part in head[1:].split(","))
+            keyword, *parameters = _entries(head[1:])
             pairs = (part.partition("=") for part in parameters if part)
             named = {k.strip().upper(): v.strip().strip('"') for k, _, v in pairs}
             yield " ".join(keyword.upper().split()), named, began, data
@@ -305,7 +311,7 @@ def _elements(model: Model, parameters: dict[str, str], data: list[Line]) -> Non
 def _set(model: Model, keyword: str, parameters: dict[str, str], data: list[Line]) -> None:
     """*NSET and *ELSET: numbers, other sets, ranges; the nodes of an element set."""
     sets, name = (model.nsets if keyword == "NSET" else model.elsets), parameters[keyword]
-    rows = [[part.strip() for part in line.text.split(",") if part.strip()] for line in data]
+    rows = [[part for part in _entries(line.text) if part] for line in data]
     if model.loose and "INSTANCE" not in parameters and any(part.isdigit() for row in rows for part in row):
         return
     found: list[Ints64] = [np.empty(0, dtype=np.int64)]
@@ -342,7 +348,7 @@ def _surface(model: Model, parameters: dict[str, str], at: int, data: list[Line]
     kind, name = parameters.get("TYPE", "ELEMENT").upper(), parameters["NAME"]
     if (first := model.stated.setdefault(name.upper(), at)) != at:
         raise ValueError(f"there is a surface '{name}' already, in {model.line(first)}; give one another name")
-    rows = [[part.strip() for part in line.text.split(",")] for line in data]
+    rows = [_entries(line.text) for line in data]
     if "CROP" in parameters:
         raise ValueError(f"'{name}': a surface that is cropped by a box is not read; have its faces written")
     if "COMBINE" in parameters:
