@@ -80,13 +80,23 @@ def _refuse_flat(name: str, nodes: Ints64, X: Floats) -> None:
 
 
 def _refuse_mixed(name: str, nodes: Ints64, X: Floats) -> None:
-    """Two facets that agree on their outside run through their common edge in opposite directions."""
+    """Two facets that agree on their outside run through their common edge in opposite directions; where more meet in an
+    edge there is no telling which of them go on in which."""
     start, end = nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()
     start, end = start[start != end], end[start != end]
-    key, count = np.unique(start * len(X) + end, return_counts=True)
-    if np.any(count > 1):
-        place = X[np.divmod(key[np.argmax(count > 1)], len(X))[0]]
+    edge = np.minimum(start, end) * len(X) + np.maximum(start, end)
+    _, first, count = np.unique(edge, return_index=True, return_counts=True)
+    onward = np.bincount(np.unique(edge, return_inverse=True)[1], weights=start < end)
+    turned, many = first[(count == 2) & (onward != 1.0)], count > 2
+    if len(turned):
         raise SceneError(
-            f"{name}: neighbouring facets turn different ways, first at {place}; orient them in the script with "
-            "gmsh.model.mesh.setOutwardOrientation(volume) before meshing, or gmsh.model.mesh.reverse([(2, surface)])"
+            f"{name}: neighbouring facets turn different ways, first at {X[start[turned[0]]]}; orient them in the script "
+            "with gmsh.model.mesh.setOutwardOrientation(volume) before meshing, or gmsh.model.mesh.reverse([(2, surface)])"
+        )
+    if many.any():
+        middle = 0.5 * (X[start] + X[end])[first[many][0]]
+        raise SceneError(
+            f"{name}: more than two facets meet in an edge, {count[many][0]} at {middle}, the first of {many.sum()} such "
+            "edges, and none of them says where the tool is; leave out walls within the tool, give a rib both of its sides, "
+            "or make of parts that touch a tool each"
         )
