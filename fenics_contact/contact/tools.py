@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,12 +42,22 @@ class Tool(ABC):
         """The point (3,) of the tool, at the start, about which moments on it are taken [length]."""
 
 
+class Slits(NamedTuple):
+    """Ends of a meshed tool's facets that nearly meet: how many corners lie beside an edge, and of the one that is farthest
+    from it its place (3,) and how far that is [length]."""
+
+    corners: int
+    place: Floats
+    width: float
+
+
 @dataclass(frozen=True, eq=False)
 class MeshedTool(Tool):
     """A rigid tool given by facets that are counter-clockwise seen from outside it, so that normals point at the body.
 
     nodes (nf, 4): rows of X (a triangle repeats its third), size (nf,): corners of each facet; X (nm, 3) [length]; is_curve:
-    its facets stand for the sides of a curve in a plane scene; left_out: how many facets of its file have no area.
+    its facets stand for the sides of a curve in a plane scene; left_out: how many facets of its file have no area; slits:
+    where its facets nearly meet, if anywhere.
     """
 
     nodes: Ints64
@@ -54,6 +65,7 @@ class MeshedTool(Tool):
     X: Floats
     is_curve: bool = False
     left_out: int = 0
+    slits: Slits | None = None
 
     @property
     def reach(self) -> float:
