@@ -114,6 +114,21 @@ def test_rounding_and_corners_on_edges_at_once_in_any_size_and_place():
         assert np.array(open_edges(one)) == pytest.approx(np.array(open_edges(exact)) * (size, size**2), rel=1e-5)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_walls_of_bricks_have_no_seam_left_open(seed):
+    """Rows with cuts in any place, also nearly above each other, and bricks of any numbers of facets."""
+    random = np.random.default_rng(seed)
+    sides, rows, facets = random.choice([3, 4]), (-1.0, 1.1, 3.2, 5.0), []
+    for low, high in zip(rows[:-1], rows[1:], strict=True):
+        cuts = np.concatenate([[-1.0], np.sort(random.uniform((0, 2, 4), (1, 3, 4.5))), [5.0]])
+        for one, other in zip(cuts[:-1], cuts[1:], strict=True):
+            brick = patch(one, other, random.integers(1, 6), sides)
+            brick[..., 1] = low + (brick[..., 1] + 1.0) / 6.0 * (high - low)
+            facets.append(brick)
+    wall = tool(noisy(np.concatenate(facets), random.choice([0.0, 1e-7, 1e-5])))
+    assert open_edges(wall) == pytest.approx((24.0, 36.0), rel=1e-4) and wall.slits is None
+
+
 def test_thin_facets_of_an_stl_file_are_left_out_and_their_seam_is_closed(tmp_path_factory):
     """A facet that is as thin as its corners' rounding has a normal that says nothing."""
     sliver = np.array([[(2, -1, 1), (2, 2, 1), (2 + 1e-6, 5, 1)]])
@@ -208,6 +223,11 @@ def test_where_more_than_two_facets_meet_that_is_what_is_said():
     floor[2:] = floor[2:, ::-1]
     refused(lambda: tool(np.concatenate([floor, rib])), many, "3 at [ 2. -1.  1.]", "rib")
     assert len(tool(block(-1, 2)).nodes) == 12
+
+
+def test_rounding_that_is_too_coarse_is_no_turned_facet():
+    """With 1e-4 on six some corners are one and some are not, which looks like more than two facets in an edge."""
+    refused(lambda: tool(noisy(patch(-1, 5, 3), 1e-4)), "nearly meet and do not", "corners lie beside an edge", "digits")
 
 
 def test_turned_facets_are_found_in_spite_of_rounding_and_corners_on_edges():

@@ -32,7 +32,7 @@ def joined(surface: Surface, X: Floats, thin: bool) -> tuple[Surface, Floats, in
     """The same surface, nodes (nf, 4) and size (nf,), and its places (nx, 3), without open seams; and how many of its facets
     that leaves out: those that shrink to an edge, with `thin` those whose corners lie on a line but for rounding, too."""
     nodes, size = surface
-    near, apart = _rounding(nodes, size, X)
+    near, _ = _rounding(nodes, size, X)
     if thin:
         nodes, size = _without_thin(nodes, size, X, near)
     pairs = _beside(nodes, size, X, near)
@@ -41,7 +41,7 @@ def joined(surface: Surface, X: Floats, thin: bool) -> tuple[Surface, Floats, in
     if thin:
         nodes, size = _without_thin(nodes, size, X, near)
     left_out = len(surface[0]) - len(nodes)
-    nodes, size, X = _divided(nodes, size, X, (near, apart))
+    nodes, size, X = _divided(nodes, size, X, near)
     used, numbers = np.unique(nodes, return_inverse=True)
     nodes = np.ascontiguousarray(numbers.reshape(nodes.shape), dtype=np.int64)
     return (nodes, size), np.ascontiguousarray(X[used]), left_out
@@ -171,25 +171,22 @@ def _beside(nodes: Ints64, size: Ints64, X: Floats, margin: Floats) -> _Beside:
     return _Beside(facet[e], edges[e], length, v, at, off)
 
 
-def _on_edges(
-    nodes: Ints64, size: Ints64, X: Floats, margins: tuple[Floats, Floats]
-) -> dict[int, set[tuple[int, float, int]]]:
+def _on_edges(nodes: Ints64, size: Ints64, X: Floats, near: Floats) -> dict[int, set[tuple[int, float, int]]]:
     """Open nodes on open edges, away from their ends: by facet (first node of the edge, place along it, node)."""
-    near, apart = margins
     pairs = _beside(nodes, size, X, 2.0 * near)
-    v = pairs.node
+    allowed = np.minimum(near[pairs.node], near[pairs.ends].min(axis=1))
     to_end = np.minimum(pairs.at, pairs.length - pairs.at)
-    # what became one has moved by its rounding, too
-    on = (pairs.off <= 2.0 * np.minimum(near[v], near[pairs.ends].min(axis=1))) & (to_end > apart[v])
+    on = (pairs.off <= 2.0 * allowed) & (to_end > allowed)  # what became one has moved by its rounding, too
     found: dict[int, set[tuple[int, float, int]]] = {}
     for k in np.flatnonzero(on):
-        found.setdefault(int(pairs.facet[k]), set()).add((int(pairs.ends[k, 0]), float(pairs.at[k]), int(v[k])))
+        place = int(pairs.ends[k, 0]), float(pairs.at[k]), int(pairs.node[k])
+        found.setdefault(int(pairs.facet[k]), set()).add(place)
     return found
 
 
-def _divided(nodes: Ints64, size: Ints64, X: Floats, margins: tuple[Floats, Floats]) -> tuple[Ints64, Ints64, Floats]:
+def _divided(nodes: Ints64, size: Ints64, X: Floats, near: Floats) -> tuple[Ints64, Ints64, Floats]:
     """Facets with nodes on their edges as triangles around their middle, which leave a flat one as it is."""
-    found = _on_edges(nodes, size, X, margins)
+    found = _on_edges(nodes, size, X, near)
     if not found:
         return nodes, size, X
     parts, middles = list[tuple[int, ...]](), list[Floats]()

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.kernels import rigid_shapes
 from fenics_contact.types import Floats, Ints64
@@ -49,6 +50,12 @@ class Slits(NamedTuple):
     corners: int
     place: Floats
     width: float
+
+    @property
+    def told(self) -> str:
+        """In words."""
+        corners = f"{self.corners} corners lie" if self.corners > 1 else "1 corner lies"
+        return f"{corners} beside an edge of others, the farthest at {spot(self.place)}, off by {self.width:.2g}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -236,12 +236,10 @@ def _slits(scene: "Scene") -> list[str]:
     notes = []
     for one in scene.contacts:
         if isinstance(one.master, MeshedTool) and (found := one.master.slits) and one.points == "averages":
-            corners = f"{found.corners} corners lie" if found.corners > 1 else "1 corner lies"
             notes.append(
-                f"contact '{one.name}': facets of tool '{one.master.name}' nearly meet and do not: {corners} beside an edge "
-                f"of others, the farthest at {spot(found.place)}, off by {found.width:.2g}; along such a seam the force may "
-                "be far too small; where no gap is meant mesh the patches together, with common corners, or take "
-                'points="nodes"'
+                f"contact '{one.name}': facets of tool '{one.master.name}' nearly meet and do not: {found.told}; along such "
+                "a seam the force may be far too small; where no gap is meant mesh the patches together, with common "
+                'corners, or take points="nodes"'
             )
     return notes
 

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.seams import joined, joined_sides, slits
-from fenics_contact.contact.tools import MeshedTool
+from fenics_contact.contact.tools import MeshedTool, Slits
 from fenics_contact.mesh_io import read_curve, read_surface
 from fenics_contact.types import Bools, Floats, Ints64
 from fenics_contact.values import SceneError
@@ -42,8 +42,9 @@ def rigid_surface(
     surface, X, lost = joined((nodes, size), X, thin=listed)
     if not len(surface[0]):
         raise SceneError(f"{name}: '{source}' has no facets with an area")
-    _refuse_mixed(name, surface[0], X)
-    return MeshedTool(name, *surface, X, left_out=left_out + lost, slits=slits(surface, X))
+    found = slits(surface, X)
+    _refuse_mixed(name, surface[0], X, found)
+    return MeshedTool(name, *surface, X, left_out=left_out + lost, slits=found)
 
 
 def rigid_curve(
@@ -84,9 +85,10 @@ def _refuse_flat(name: str, nodes: Ints64, X: Floats) -> None:
         raise SceneError(f"{name}: {len(flat)} facets have no area, the first at {place}; mesh that surface again")
 
 
-def _refuse_mixed(name: str, nodes: Ints64, X: Floats) -> None:
+def _refuse_mixed(name: str, nodes: Ints64, X: Floats, found: Slits | None) -> None:
     """Two facets that agree on their outside run through their common edge in opposite directions; where more meet in an
-    edge there is no telling which of them go on in which."""
+    edge there is no telling which of them go on in which. What nearly meets, and is joined in part, may seem so."""
+    nearly = f". It may only seem so, for facets nearly meet and do not: {found.told}; export more digits" if found else ""
     start, end = nodes.ravel(), np.roll(nodes, -1, axis=1).ravel()
     start, end = start[start != end], end[start != end]
     edge = np.minimum(start, end) * len(X) + np.maximum(start, end)
@@ -97,11 +99,12 @@ def _refuse_mixed(name: str, nodes: Ints64, X: Floats) -> None:
         raise SceneError(
             f"{name}: neighbouring facets turn different ways, first at {X[start[turned[0]]]}; orient them in the script "
             "with gmsh.model.mesh.setOutwardOrientation(volume) before meshing, or gmsh.model.mesh.reverse([(2, surface)])"
+            + nearly
         )
     if many.any():
         middle = 0.5 * (X[start] + X[end])[first[many][0]]
         raise SceneError(
             f"{name}: more than two facets meet in an edge, {count[many][0]} at {middle}, the first of {many.sum()} such "
             "edges, and none of them says where the tool is; leave out walls within the tool, give a rib both of its sides, "
-            "or make of parts that touch a tool each"
+            "or make of parts that touch a tool each" + nearly
         )
