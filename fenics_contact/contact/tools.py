@@ -3,9 +3,11 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.section import ON_AXIS, Section
 from fenics_contact.kernels import rigid_shapes
 from fenics_contact.types import Floats, Ints64
@@ -41,12 +43,28 @@ class Tool(ABC):
         """The point (3,) of the tool, at the start, about which moments on it are taken [length]."""
 
 
+class Slits(NamedTuple):
+    """Ends of a meshed tool's facets that nearly meet: how many corners lie beside an edge, and of the one that is farthest
+    from it its place (3,) and how far that is [length]."""
+
+    corners: int
+    place: Floats
+    width: float
+
+    @property
+    def told(self) -> str:
+        """In words."""
+        corners = f"{self.corners} corners lie" if self.corners > 1 else "1 corner lies"
+        return f"{corners} beside an edge of others, the farthest at {spot(self.place)}, off by {self.width:.2g}"
+
+
 @dataclass(frozen=True, eq=False)
 class MeshedTool(Tool):
     """A rigid tool given by facets that are counter-clockwise seen from outside it, so that normals point at the body.
 
     nodes (nf, 4): rows of X (a triangle repeats its third), size (nf,): corners of each facet; X (nm, 3) [length]; is_curve:
-    its facets stand for the sides of a curve in a plane scene; left_out: how many facets of its file have no area.
+    its facets stand for the sides of a curve in a plane scene; left_out: how many facets of its file have no area; slits:
+    where its facets nearly meet, if anywhere.
     """
 
     nodes: Ints64
@@ -54,6 +72,7 @@ class MeshedTool(Tool):
     X: Floats
     is_curve: bool = False
     left_out: int = 0
+    slits: Slits | None = None
 
     @property
     def reach(self) -> float:

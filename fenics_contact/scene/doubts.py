@@ -41,6 +41,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
     return [
         *_folded(scene),
         *_left_out(scene),
+        *_slits(scene),
         *_cut(scene),
         *_unmet(scene),
         *_materials(scene),
@@ -228,6 +229,19 @@ def _left_out(scene: "Scene") -> list[str]:
     return [
         f"tool '{name}': {count} facets of its file, without area, are left out" for name, count in tools.items() if count
     ]
+
+
+def _slits(scene: "Scene") -> list[str]:
+    """What is to be said of meshed tools whose facets nearly meet, where averages ask what lies beyond their edges."""
+    notes = []
+    for one in scene.contacts:
+        if isinstance(one.master, MeshedTool) and (found := one.master.slits) and one.points == "averages":
+            notes.append(
+                f"contact '{one.name}': facets of tool '{one.master.name}' nearly meet and do not: {found.told}; along such "
+                "a seam the force may be far too small; where no gap is meant mesh the patches together, with common "
+                'corners, or take points="nodes"'
+            )
+    return notes
 
 
 def _cut(scene: "Scene") -> list[str]:
