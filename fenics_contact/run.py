@@ -45,6 +45,7 @@ from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
+from fenics_contact.scene.bending import bending_notes
 from fenics_contact.scene.build import Built, build
 from fenics_contact.scene.drives import turning
 from fenics_contact.scene.fingerprint import refuse_unlike, stages_told, statement
@@ -68,6 +69,7 @@ from fenics_contact.values import SceneError, shown
 Shares = dict[str, tuple[float, float]]
 Errors = tuple[dict[str, Any] | None, Shares, dict[str, tuple[float, float | None]]]
 
+BENT = 0.1  # of the greatest strain energy of a run: with less of it at the end what bent is straight again
 FAINT = 1e-6  # of the greatest load of all contacts: one that never carries more has what Newton's method leaves
 
 
@@ -157,6 +159,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
         words = strained(system, energies[-1], max(energies)) if energies else None
         kept.remark([words] if words else [])
+        if energies and energies[-1] > BENT * max(energies):
+            kept.remark(bending_notes(scene, system))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         solver = plans[system.stages.index].solver
