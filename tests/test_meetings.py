@@ -8,7 +8,8 @@ from refusals import refused
 from fenics_contact import Body, Output, Scene, neo_hooke, read_gmsh, solve
 from fenics_contact.meshes import rectangles, two_blocks
 
-pytestmark = pytest.mark.parallel
+# But for parts that nodes alone join: dolfinx waits for ever where it puts these on different processes
+PARALLEL = pytest.mark.parallel
 RUBBER = neo_hooke(0.5, K=5.0)
 QUADRILATERAL, CURVED = 3, 10  # gmsh's numbers of their types
 
@@ -123,6 +124,7 @@ def grid(slit=0, opening=0.0, third=False):
 
 
 @pytest.mark.parametrize("slit", [1, 2, 4])
+@PARALLEL
 def test_a_slit_whose_end_is_shared(slit):
     """Its last faces have a node in common."""
     mesh = read_gmsh(grid, slit=slit)
@@ -133,6 +135,7 @@ def test_a_slit_whose_end_is_shared(slit):
     assert counts(read_gmsh(grid, slit=slit, opening=0.01)) == counts(read_gmsh(grid)) == (0, 0)
 
 
+@PARALLEL
 def test_a_side_of_three_cells_is_refused():
     refused(lambda: read_gmsh(grid, third=True), "more than two cells", "1 of them", "(0.75, 0.5, 0)")
 
@@ -157,6 +160,7 @@ def two(first, second, shift):
         (SQUARE, (0.5, 1.0001), 0),
     ],
 )
+@PARALLEL
 def test_what_touches_by_an_edge_is_not_said(second, shift, count):
     assert counts(read_gmsh(two, first=SQUARE, second=second, shift=shift)) == (0, count)
 
@@ -203,6 +207,7 @@ def test_a_seam_of_cells_of_order_2():
     ("below", "above", "nodes", "place"),
     [(4, 5, 1, "(1, 0.5, 0)"), (3, 1, 1, "(1, 0.5, 0)"), (4, 2, 2, "(0.5, 0.5, 0)")],
 )
+@PARALLEL
 def test_a_node_has_one_place_in_cells(below, above, nodes, place):
     """What is a corner of one cell is not the middle of another one's side, and a middle is of one side: dolfinx crashed."""
     refused(lambda: read_gmsh(strips, below=below, above=above), f"{nodes} nodes", "middle of a side", place, "fragment")
@@ -217,10 +222,12 @@ def two_middles():
     drawn(X, {"block": [range(9), second]}, kind=CURVED)
 
 
+@PARALLEL
 def test_a_side_has_one_middle():
     refused(lambda: read_gmsh(two_middles), "1 sides or edges", "(1, 0.5, 0)", "after setOrder(2)")
 
 
+@PARALLEL
 def test_curved_cells_are_taken_as_they_are():
     """An eighth of a circle bulges over the chord between its ends by 0.08; a curved cell follows it to 0.0007."""
     assert counts(read_gmsh(half_rings, gap=0.01, curved=True)) == (0, 0)
