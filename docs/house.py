@@ -33,6 +33,7 @@ KNOWS = {
     "assembly": "terms, System, supports",
     "meetings": "what lies on what",
     "folded": "cells inside out as drawn",
+    "curved": "curved cells in one another",
     "kernels": "Numba: law, feet",
     "form_files": "what FFCx compiled",
     "compat": "dolfinx' versions",

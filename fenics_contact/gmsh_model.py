@@ -9,6 +9,7 @@ from typing import Any
 import gmsh
 import numpy as np
 
+from fenics_contact.curved import reaching, refuse_ambiguous
 from fenics_contact.folded import Folded, folded
 from fenics_contact.meetings import Meeting, key, meetings
 from fenics_contact.mesh_files.load import load, refuse_without_cells
@@ -180,7 +181,10 @@ def hand_over() -> Groups:
     kind, label, cells, owner, tags = _cells(dim, volumes)
     used = np.unique(cells)
     X = places(used)
-    bent = folded(kind, tags, X[np.searchsorted(used, cells)], np.array([*volumes])[owner])
+    rows = np.searchsorted(used, cells)
+    refuse_ambiguous(kind, rows, X)
+    drawn = X[rows]
+    bent = folded(kind, tags, drawn, np.array([*volumes])[owner])
     shape = label.split()[0]
     faces = cells[:, _FACES[shape]]
     owner_of_face = np.repeat(owner, faces.shape[1])
@@ -192,13 +196,17 @@ def hand_over() -> Groups:
     def groups_of(face: int) -> tuple[str, tuple[str, ...]]:
         return names[owner_of_face[face]], facets.names_of(face_keys[face])
 
-    corners = np.searchsorted(used, cells[:, : _FACES[shape].max() + 1])
-    doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of)
+    def reaches(those: Ints64, others: Ints64) -> Array:
+        own, side = np.divmod(those, len(_FACES[shape]))
+        return reaching(kind, drawn[own], _FACES[shape][side], drawn[others])
+
+    corners = rows[:, : _FACES[shape].max() + 1]
+    doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of, reaches)
     volume_tags = {name: number for number, name in enumerate(volumes, 1)}  # not the script's: forms are compiled by them
     counts = [int(count) for count in np.bincount(owner, minlength=len(names))]
     edges, points = {} if dim == 2 else _ends(1, used), _ends(0, used)
-    rows = [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())]
-    _replace(dim, used, X, kind, rows, facets)
+    bodies = [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())]
+    _replace(dim, used, X, kind, bodies, facets)
     sizes = dict(zip(names, counts, strict=True))
     return Groups(dim, volume_tags, facets.tags, edges, points, sizes, doubled, touching, bent)
 

@@ -188,7 +188,7 @@ def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
 
 
 def _unmet(scene: "Scene") -> list[str]:
-    """What is to be said of bodies that touch or overlap at the start where no contact of bodies is stated for them."""
+    """What is to be said of bodies that touch or overlap as drawn where no contact of bodies is stated for them."""
     stated = {name for one in scene.contacts if isinstance(one.master, tuple) for name in (*one.slave, *one.master)}
     left: dict[tuple[str, ...], list[Meeting]] = {}
     for found in scene.mesh.touching:
@@ -197,12 +197,12 @@ def _unmet(scene: "Scene") -> list[str]:
     notes = []
     for (one, other), meetings in left.items():
         count, names = sum(found.count for found in meetings), f"body '{one}' touches or overlaps '{other}'"
-        names = names if one != other else f"pieces of body '{one}' touch or overlap"
+        names = names if one != other else f"parts of body '{one}' touch or overlap"
         first = spot(np.array(meetings[0].place))
         notes.append(
-            f"{names} without a contact there: {count} faces of cells, the first at {first}, lie on or in the other's; they "
-            "pass through each other. State a contact between their surfaces, bond them with gmsh.model.occ.fragment before "
-            "meshing, or draw them with a gap"
+            f"{names} without a contact there: {count} faces of cells, the first at {first}, lie on or in cells that do not "
+            "have all of their nodes; they come apart or pass through each other. State a contact between their surfaces, "
+            "bond them with gmsh.model.occ.fragment before meshing, so that all nodes are common, or draw them with a gap"
         )
     return notes
 
