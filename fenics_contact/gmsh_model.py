@@ -11,7 +11,7 @@ import numpy as np
 
 from fenics_contact.curved import reaching, refuse_ambiguous
 from fenics_contact.folded import Folded, folded
-from fenics_contact.meetings import Meeting, key, meetings
+from fenics_contact.meetings import Meeting, joined_by_nodes, key, meetings
 from fenics_contact.mesh_files.load import load, refuse_without_cells
 from fenics_contact.types import Array, Floats, Ints64
 
@@ -170,11 +170,12 @@ def places(tags: Ints64) -> Floats:
 
 
 # -- handing over -----------------------------------------------------------------------------------------------------
-def hand_over() -> Groups:
+def hand_over(processes: int = 1) -> Groups:
     """Check the model and put in its place what dolfinx is sure to read: cells of one type in disjoint volume groups, facets
     in disjoint surface groups, no other node or element. Returns its Groups.
 
     A model without volumes whose surfaces are in groups is a plane mesh: of its surfaces, with curves for their sides.
+    processes: of more than one ValueError where parts of the mesh have nodes in common, but no face.
     """
     dim = 2 if not gmsh.model.getEntities(3) and gmsh.model.getPhysicalGroups(2) else 3
     volumes, surfaces = group_entities(dim), group_entities(dim - 1)
@@ -201,6 +202,13 @@ def hand_over() -> Groups:
         return reaching(kind, drawn[own], _FACES[shape][side], drawn[others])
 
     corners = rows[:, : _FACES[shape].max() + 1]
+    if processes > 1 and len(nodes := joined_by_nodes(corners, face_keys, len(used))):
+        place = ", ".join(f"{x:.4g}" for x in X[nodes[0]])
+        raise ValueError(
+            f"parts of the mesh have {len(nodes)} nodes in common, but no side of cells, the first at ({place}): dolfinx "
+            "may wait for ever for what several processes share there; run it on one, give each part nodes of its own, or "
+            "mesh both sides of the seam alike"
+        )
     doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of, reaches)
     volume_tags = {name: number for number, name in enumerate(volumes, 1)}  # not the script's: forms are compiled by them
     counts = [int(count) for count in np.bincount(owner, minlength=len(names))]

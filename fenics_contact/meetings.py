@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact.kernels.broad_phase import candidates
+from fenics_contact.kernels.sets import join
 from fenics_contact.types import Array, Floats, Ints64
 
 Side = tuple[str, tuple[str, ...]]  # a volume and its surface groups
@@ -66,6 +67,19 @@ def meetings(
     touching = touching[reaches(*touching.T)]
     touching = touching[np.unique(touching[:, 0], return_index=True)[1]]
     return doubled, _gathered(X, faces, touching, lambda a, cell: (groups_of(a), (groups_of(cell * len(shape))[0], ())))
+
+
+def joined_by_nodes(cells: Ints64, face_keys: Array, count: int) -> Ints64:
+    """Nodes that cells (m, k) share whose parts of the mesh have no face in common; face_keys (m f,), see `key`; count: of
+    nodes."""
+    order = np.argsort(face_keys, kind="stable")
+    alike = np.flatnonzero(face_keys[order[1:]] == face_keys[order[:-1]])
+    part = np.arange(len(cells))
+    join(np.column_stack([order[alike], order[alike + 1]]) // (len(face_keys) // len(cells)), part)
+    least, most = np.full(count, len(cells)), np.full(count, -1)
+    np.minimum.at(least, cells, part[:, None])
+    np.maximum.at(most, cells, part[:, None])
+    return np.flatnonzero(least < most)
 
 
 def _refuse_crowded(faces: Ints64, X: Floats) -> None:

@@ -136,7 +136,7 @@ def read_gmsh(
     if comm.rank == 0:
         try:
             gmsh_model.draw(source, parameters)
-            groups = gmsh_model.hand_over()
+            groups = gmsh_model.hand_over(comm.size)
             if ranks is not None:
                 owners = _owners(groups.cells, ranks, comm.size)
         except (Exception, SystemExit) as error:

@@ -115,7 +115,7 @@ ONLY = {
     ("recording", "contact"): {"images", "overlap"},  # what bodies do that no contact holds
     ("options", "contact"): {"tools"},
     ("__init__", "contact"): {"friction", "penalties", "profiles", "tools"},
-    ("meetings", "kernels"): {"broad_phase"},
+    ("meetings", "kernels"): {"broad_phase", "sets"},
     ("__init__", "output"): {"film"},
     ("__init__", "solid"): {"materials"},
 }
