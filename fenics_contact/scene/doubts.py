@@ -9,7 +9,10 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.system import System
+from fenics_contact.contact.master import MasterSurface
+from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.repeats import Repeats
+from fenics_contact.contact.seams import slits
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, cut_shapes
 from fenics_contact.meetings import Meeting
 from fenics_contact.scene.functions import whole
@@ -42,6 +45,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_folded(scene),
         *_left_out(scene),
         *_slits(scene),
+        *_side_by_side(system),
         *_cut(scene),
         *_unmet(scene),
         *_materials(scene),
@@ -240,6 +244,22 @@ def _slits(scene: "Scene") -> list[str]:
                 f"contact '{one.name}': facets of tool '{one.master.name}' nearly meet and do not: {found.told}; along such "
                 "a seam the force may be far too small; where no gap is meant mesh the patches together, with common "
                 'corners, or take points="nodes"'
+            )
+    return notes
+
+
+def _side_by_side(system: System) -> list[str]:
+    """What is to be said of masters of bodies side by side, whose ends meet under facets of a slave with averages: samples
+    over a seam count in part, as over an end, and what is beyond adds nothing. Of degree 2 that is some thousandths."""
+    notes = []
+    for contact in system.contacts:
+        master = contact.places.master if isinstance(contact.places, NodePlaces) else None
+        if isinstance(master, MasterSurface) and not master.whole and (found := slits(master.corners, master.X)):
+            notes.append(
+                f"contact '{contact.name}': ends of '{contact.master_name}' lie side by side: {found.told}; pressures of "
+                "nodes whose facets reach over such a seam are off by up to a half, and with them what sticks there, the "
+                "force by one percent: let the side with the seam be the slave, give both parts common nodes there where "
+                "they are one, or take degree=2"
             )
     return notes
 
