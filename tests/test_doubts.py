@@ -3,7 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
-from drawn import quadrilateral
+from drawn import quadrilateral, straight
 from mpi4py import MPI
 
 from fenics_contact import (
@@ -16,6 +16,7 @@ from fenics_contact import (
     neo_hooke,
     read_gmsh,
     read_mesh,
+    rigid_curve,
     rigid_hub,
     rigid_plane,
     solve,
@@ -272,3 +273,14 @@ def test_columns_side_by_side_under_one_side_of_a_lid(told, how):
             COMM.allreduce(f(pressure, initial=s), op=o) for f, s, o in ((np.min, np.inf, MPI.MIN), (np.max, 0.0, MPI.MAX))
         )
         assert (high / low - 1.0 > 0.1) == told and (told or high / low - 1.0 < 0.006)
+
+
+@pytest.mark.parametrize(("length", "told"), [(3e-3, True), (0.9, True), (3.0, False)])
+def test_a_tool_in_other_units_is_told(length, told):
+    """A flat bar, drawn in metres or in millimetres, over a strip of four cells of 1 mm."""
+    scene, _ = pressed()
+    tool = rigid_curve(lambda: straight("bar", (0.5, 1.5), (0.5 + length, 1.5), 3), group="bar", name="bar")
+    scene.contact("strip_ymax", tool, name="c")
+    found = solve(scene, move={tool: (0.0, -0.1, 0.0)}).verdict.notes
+    said = [note for note in found if "same units, or mesh" in note]
+    assert len(said) == told and all(f"'bar' is {length:.3g} long" in note for note in said)

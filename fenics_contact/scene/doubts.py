@@ -45,6 +45,7 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_folded(scene),
         *_left_out(scene),
         *_slits(scene),
+        *_tiny(scene, system),
         *_side_by_side(system),
         *_cut(scene),
         *_unmet(scene),
@@ -244,6 +245,19 @@ def _slits(scene: "Scene") -> list[str]:
                 f"contact '{one.name}': facets of tool '{one.master.name}' nearly meet and do not: {found.told}; along such "
                 "a seam the force may be far too small; where no gap is meant mesh the patches together, with common "
                 'corners, or take points="nodes"'
+            )
+    return notes
+
+
+def _tiny(scene: "Scene", system: System) -> list[str]:
+    """What is to be said of meshed tools that are smaller than a cell of what they are to press."""
+    heights, notes = {contact.name: contact.surface.cell_height for contact in system.contacts}, []
+    for one in scene.contacts:
+        if isinstance(one.master, MeshedTool) and (size := np.ptp(one.master.X, axis=0).max()) < heights[one.name]:
+            notes.append(
+                f"contact '{one.name}': tool '{one.master.name}' is {size:.3g} long, less than a cell of what it presses, "
+                f"{heights[one.name]:.3g}: see that both are in the same units, or mesh the place with cells of a quarter "
+                "of what touches"
             )
     return notes
 
