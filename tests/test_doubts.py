@@ -247,34 +247,6 @@ def test_a_cell_on_the_axis_has_a_volume():
     assert not result.verdict.notes, result.verdict.notes
 
 
-@pytest.mark.parametrize(
-    ("told", "how"), [(True, {}), (False, {"swapped": True}), (False, {"degree": 2}), (False, {"gap": 0.5})]
-)
-def test_columns_side_by_side_under_one_side_of_a_lid(told, how):
-    """Confined, the pressure is even: as slave they have it, as master of degree 1 not; those that are apart have ends."""
-    gap, swapped, degree = how.get("gap", 0.0), how.get("swapped", False), how.get("degree", 1)
-    cells = {"left": ((0.0, 0.0), (2.0, 2.0), (3, 2)), "right": ((2.0 + gap, 0.0), (2.0, 2.0), (2, 2))}
-    mesh = read_gmsh(rectangles.build, rectangles=cells | {"lid": ((0.0, 2.0), (4.0 + gap, 2.0), (5, 2))})
-    scene = Scene(*(Body(mesh, name, RUBBER) for name in ("left", "right", "lid")), plane="strain", degree=degree)
-    for side, axis in (("left_ymin", "y"), ("right_ymin", "y"), ("left_xmin", "x"), ("right_xmax", "x")):
-        scene.fix(side, axis)
-    for side, axis in (("lid_xmin", "x"), ("lid_xmax", "x"), ("lid_ymax", "xy")):
-        scene.fix(side, axis)
-    if not gap:
-        scene.contact("left_xmax", "right_xmin", name="joint", penetration=1e-6)
-    slave, master = "lid_ymin", ("left_ymax", "right_ymax")
-    scene.contact(*((master, slave) if swapped else (slave, master)), name="top", penetration=1e-6)
-    result = solve(scene, stages=[Stage("press", prescribe={("lid_ymax", "y"): -0.2}, steps=2)]).require()
-    said = [note for note in result.verdict.notes if "side by side" in note]
-    assert len(said) == told and all("'left_ymax+right_ymax'" in note and "at (2, 2" in note for note in said)
-    if not gap:
-        pressure = result.system.contacts[1].forces.split_traction(result.system.state)[0]
-        low, high = (
-            COMM.allreduce(f(pressure, initial=s), op=o) for f, s, o in ((np.min, np.inf, MPI.MIN), (np.max, 0.0, MPI.MAX))
-        )
-        assert (high / low - 1.0 > 0.1) == told and (told or high / low - 1.0 < 0.006)
-
-
 @pytest.mark.parametrize(("length", "told"), [(3e-3, True), (0.9, True), (3.0, False)])
 def test_a_tool_in_other_units_is_told(length, told):
     """A flat bar, drawn in metres or in millimetres, over a strip of four cells of 1 mm."""

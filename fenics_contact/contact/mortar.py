@@ -3,6 +3,7 @@
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.master import motion
@@ -68,9 +69,10 @@ class MortarPartner(OnFacets):
         """Where the samples around each node are (ns, J, 4), see `Samples.packed`."""
         return {"samples": feet.samples.packed()}
 
-    def put_sites(self, values: dict[str, Array]) -> None:
-        """Take samples where they were."""
-        self.places.use(Samples(self.places.around, *self.places.around.unpacked(values["samples"])))
+    def put_sites(self, values: dict[str, Array], state: State) -> None:
+        """Take samples where they were. Collective."""
+        samples = Samples(self.places.around, *self.places.around.unpacked(values["samples"]))
+        self.places.restored(samples, state)
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
         """The law of friction at these feet, with what directions it has there."""

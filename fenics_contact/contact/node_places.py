@@ -15,6 +15,7 @@ from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
 from fenics_contact.contact.pairing import Pairing, Watch, seek_in_sight
 from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
+from fenics_contact.contact.seams import abutting, slits
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.walls import walls_between
 from fenics_contact.kernels import mortar as kernel
@@ -22,6 +23,7 @@ from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.coverage import Ends, beyond_edges, coverage, surface_ends
 from fenics_contact.kernels.normals import CREASE
 from fenics_contact.kernels.quadratic import foot_shapes
+from fenics_contact.kernels.segments import JOINT
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Bools, Floats, Ints64
 
@@ -79,8 +81,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         creased = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < cosine
         self.edges = ((self._beyond < 0) | creased)[:, :m]
         self._ends: Ends = starts, edges + self.first, sides, smooth
+        self._parted = isinstance(master, MasterSurface) and slits(master.corners, master.X) is not None
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
-        self.use(Samples(self.around, self.around.whole))
+        self.use(Samples(self.around, self.around.whole), self._joined(np.concatenate([skin.X, master.X]))[0])
         self.bends = _drawn(self)
 
     def resampled(self, then: MortarFeet, now: MortarFeet, slides: Floats | None) -> MortarFeet:
@@ -93,12 +96,29 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             if slides is not None and (self._aside is None or self._aside[0] is not then.coords):
                 self._aside = then.coords, _steered(self, then, slides)
             normals, _ = self.around.normals(now.coords)
-            sites = self.around.crossed(now.coords, normals, (self._corners, self._beyond), MARGIN * self.master.edge)
-            self.use(Samples(self.around, sites))
+            ends, beyond = self._joined(now.coords)
+            sites = self.around.crossed(now.coords, normals, (self._corners, beyond), MARGIN * self.master.edge)
+            self.use(Samples(self.around, sites), ends)
             feet = self._at(then.coords, then.pose, partial(self.sights.pairing.project, timers=self.timers))
             if slides is not None and self._aside is not None:
                 self.samples = self.samples.pressing(*self._aside[1])
             return feet._replace(samples=self.samples)
+
+    def _joined(self, coords: Floats) -> tuple[Ends, Ints64]:
+        """Where the master ends, and facets beyond its edges as of `Joined`, at coords (nx, 3): bodies that lie side by side
+        there go on from one to the other."""
+        if not self._parted:
+            return self._ends, self._beyond
+        (starts, edges, sides, smooth), found = self._ends, abutting(self.master.corners, coords[self.first :])
+        sides, beyond, m = sides.copy(), self._beyond.copy(), len(coords)
+        asked = found.facet * m + found.corner + self.first
+        order, key = np.argsort(asked), sides[:, 0] * m + edges[:, 0]
+        if len(asked):
+            at = order[np.minimum(np.searchsorted(asked[order], key), len(asked) - 1)]
+            sides[:, 1] = np.where(asked[at] == key, found.beyond[at], sides[:, 1])
+            place = (self.master.corners[0][found.facet] == found.corner[:, None]).argmax(axis=1)
+            beyond[found.facet, place] = JOINT - found.beyond
+        return (starts, edges, sides, smooth), beyond
 
     def master_normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (np, 3) of the master at the samples' feet, which point as the samples' own do: of flat facets those
@@ -113,8 +133,14 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             theirs = unit(np.einsum("qi,qic->qc", feet.met[9][:, 0, : corners.shape[1]], corners))
         return theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
 
-    def use(self, samples: Samples) -> None:
-        """Meet the master through these samples."""
+    def restored(self, samples: Samples, state: State) -> None:
+        """Meet the master through samples of a state that a run goes on from. Collective."""
+        coords = np.concatenate([self.skin.positions(state), self.master.positions(state)])
+        self.use(samples, self._joined(coords)[0])
+
+    def use(self, samples: Samples, ends: Ends | None = None) -> None:
+        """Meet the master through these samples; ends: where it ends for them, if that is not told yet."""
+        samples.ends = samples.ends if ends is None else ends
         self.samples, self._feet = samples, None
         walled = None if self._walls is None else (samples.slaves.facet, self._walls)
         self.sights = Sights(self.facets, self._corners, self.search, MARGIN * self.master.edge, walled)
@@ -146,7 +172,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         N = np.empty((n, 3, self.facets[0].shape[1]))
         foot_shapes(np.arange(n), self.facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
-        coverage(coords, (points, s.corners, s.rims), (self._corners, self._ends), sight, projection, cover)
+        coverage(coords, (points, s.corners, s.rims), (self._corners, s.ends or self._ends), sight, projection, cover)
         frames = np.empty((n, 5, 3))
         kernel.fill_frames(coords, self.facets, projection, N, frames)
         return *projection, *cover, N, frames
@@ -251,7 +277,7 @@ def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
     facet has as a whole, so that they hang on the state then alone; and how much of it (nf, m) where corners press: all at
     ends and creases, elsewhere where nodes slide on a master that is flatter than the slave was drawn. On one as round the
     slave's normals are as good, and turn with the slave, where the master's are those of another place a step later."""
-    places.use(whole := Samples(places.around, places.around.whole))
+    places.use(whole := Samples(places.around, places.around.whole), places._joined(then.coords)[0])
     feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
     theirs, table = places.master_normals(feet), whole.table
     aside, sees, ends = _aside(places, feet, theirs)

@@ -131,7 +131,7 @@ class Partner(ContactPartner, Protocol):
         """Arrays (ne, ...), which no partition changes, that tell where points chosen so are. Collective."""
         ...
 
-    def put_sites(self, values: dict[str, Array]) -> None:
+    def put_sites(self, values: dict[str, Array], state: State) -> None:
         """Choose the points that `sites` told of."""
 
     def response(self, feet: Any, trial: Trial) -> Response: ...
@@ -220,7 +220,7 @@ class PointPressures:
         """Nothing to keep."""
         return {}
 
-    def put_sites(self, values: dict[str, Array]) -> None:
+    def put_sites(self, values: dict[str, Array], state: State) -> None:
         """Nothing to take up."""
 
     def deciding(self, feet: Any, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:

@@ -10,6 +10,7 @@ import numpy as np
 from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.kernels.broad_phase import candidates
+from fenics_contact.kernels.coverage import Ends
 from fenics_contact.kernels.mortar import Slaves, sample_places
 from fenics_contact.kernels.normals import CREASE, Groups, corner_angles, group_normals, group_slots, grouped_corners
 from fenics_contact.kernels.quadratic import STRIP, quadratic_shape
@@ -205,8 +206,10 @@ class Samples:
     sites: on their facets; slaves: as the kernels take them; rims (np,): the ways on which samples leave the master, over
     their facets' size along them; table, corner (ns, J): samples around each own node and its corner's place among those of
     their facet, -1 where there are fewer; share (ns, J): what they have of the node's area [length^2]; anchor (ns, J): where
-    they have theirs; steered: None: they press along their normals.
+    they have theirs; steered: None: they press along their normals; ends: where the master ends for them.
     """
+
+    ends: Ends | None = None
 
     def __init__(self, around: SlaveFacets, sites: Sites, steered: Steered | None = None) -> None:
         (first, places, weights), self.sites = sites, sites

@@ -22,6 +22,7 @@ from fenics_contact.types import Floats, Ints64
 # roundings of one number differ by up to 1e-5 of it, along each axis; float32 has a digit more
 ROUNDED = 2e-5
 FINEST = 1e-6  # of a tool's size: facets that are smaller are rounding themselves
+STEP = 0.25  # of a facet's size: how far one of two surfaces side by side may stand out beside the other
 APART = 0.05  # of a facet's size: its corners are farther from one another, whatever the tool's
 ALONG = 0.9  # cosine between two edges of which one runs along the other, whichever way
 MANY = 100_000  # nodes that are asked at once, which bounds memory
@@ -85,6 +86,36 @@ def slits(surface: Surface, X: Floats) -> Slits | None:
     return Slits(len(np.unique(pairs.node[found])), X[pairs.node[worst]], float(pairs.off[worst]))
 
 
+class Abutting(NamedTuple):
+    """Open edges that end on those of other facets, as they lie: facet and first corner (n,) of each, the facet beyond."""
+
+    facet: Ints64
+    corner: Ints64
+    beyond: Ints64
+
+
+def abutting(surface: Surface, X: Floats) -> Abutting:
+    """Those both of whose ends lie on open edges of facets on their other side, at places X (nx, 3)."""
+    nodes, size = surface
+    apart = STEP / APART * _rounding(nodes, size, X)[1]
+    pairs = _beside(nodes, size, X, apart)
+    start, end = X[pairs.ends[:, 0]], X[pairs.ends[:, 1]]
+    off = X[pairs.node] - start - (pairs.at / pairs.length)[:, None] * (end - start)
+    normal = area_vectors(X[nodes[pairs.facet]])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    step = np.einsum("pc,pc->p", off, normal)
+    allowed = np.minimum(apart[pairs.node], apart[pairs.ends].min(axis=1))
+    near = (np.abs(step) <= allowed) & (np.linalg.norm(off - step[:, None] * normal, axis=1) <= APART / STEP * allowed)
+    facet, edges = _open(nodes, size)
+    other, node, beyond = pairs.other[near], pairs.node[near], pairs.facet[near]
+    first = np.full((len(edges), 2), -1)
+    for end in (0, 1):
+        at = node == edges[other, end]
+        first[other[at], end] = beyond[at]
+    both = (first >= 0).all(axis=1)
+    return Abutting(facet[both], edges[both, 0], first[both, 0])
+
+
 def _rounding(nodes: Ints64, size: Ints64, X: Floats) -> tuple[Floats, Floats]:
     """How far off each node may be, and how far what is another one is at least (nx,) [length]. Of needles, whose shortest
     side may be rounding, the next one is the size."""
@@ -136,13 +167,14 @@ def _boxed(points: Ints64, rows: Ints64, X: Floats, margin: float) -> tuple[Ints
 
 class _Beside(NamedTuple):
     """Open nodes beside open edges of facets that they are no corners of, where an open edge of theirs runs along that one
-    and has its facet on the other side: the facet, the ends (n, 2) of its edge and the length of that, the node, and where
-    along the edge and how far off it the node is [length]."""
+    and has its facet on the other side: the facet, the ends (n, 2) of its edge and the length of that, the node and the
+    number of its open edge, and where along the edge and how far off it the node is [length]."""
 
     facet: Ints64
     ends: Ints64
     length: Floats
     node: Ints64
+    other: Ints64
     at: Floats
     off: Floats
 
@@ -153,7 +185,8 @@ def _beside(nodes: Ints64, size: Ints64, X: Floats, margin: Floats) -> _Beside:
     way, middles = X[edges[:, 1]] - X[edges[:, 0]], X[nodes].mean(axis=1)
     out = np.cross(way, area_vectors(X[nodes])[facet])
     unit, out = (rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300) for rows in (way, out))
-    found = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
+    none = np.empty(0, dtype=np.int64)
+    found = [(none, none, none)]
     for first in range(0, 2 * len(edges), MANY):
         ends = edges.ravel()[first : first + MANY]  # a node with each of its open edges
         p, e = _boxed(ends, edges, X, margin[edges].max())
@@ -163,12 +196,12 @@ def _beside(nodes: Ints64, size: Ints64, X: Floats, margin: Floats) -> _Beside:
         keep = np.einsum("pc,pc->p", there, out[e]) > FACING * np.linalg.norm(there, axis=1)
         keep &= np.abs(np.einsum("pc,pc->p", unit[other], unit[e])) > ALONG
         keep &= (nodes[facet[e]] != v[:, None]).all(axis=1)
-        found.append((v[keep], e[keep]))
-    v, e = (np.concatenate(rows) for rows in zip(*found, strict=True))
+        found.append((v[keep], e[keep], other[keep]))
+    v, e, other = (np.concatenate(rows) for rows in zip(*found, strict=True))
     length = np.linalg.norm(way[e], axis=1)
     at = np.clip(np.einsum("pc,pc->p", X[v] - X[edges[e, 0]], unit[e]), 0.0, length)
     off = np.linalg.norm(X[v] - X[edges[e, 0]] - at[:, None] * unit[e], axis=1)
-    return _Beside(facet[e], edges[e], length, v, at, off)
+    return _Beside(facet[e], edges[e], length, v, other, at, off)
 
 
 def _on_edges(nodes: Ints64, size: Ints64, X: Floats, near: Floats) -> dict[int, set[tuple[int, float, int]]]:

@@ -200,7 +200,7 @@ class Contact(ContactTerm):
     def restore(self, values: dict[str, Array], state: State) -> None:
         values = {name: np.ascontiguousarray(values[name]) for name in self.history()}
         h = self.accepted.history
-        self.partner.put_sites(values)
+        self.partner.put_sites(values, state)
         feet = self.places.feet(state)
         anchors, rests = (self.partner.anchors.unpacked(values, name) for name in ("anchor", "rest"))
         gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.partner.foresees else h.gaps

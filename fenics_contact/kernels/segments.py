@@ -25,12 +25,15 @@ from fenics_contact.types import Bools, Floats, Ints64
 
 Rule = tuple[Floats, Floats]
 Rules = tuple[Rule, Rule, Rule, bool]
-Joined = tuple[Surface, Ints64]  # the master's facets, and those beyond their edges (nf, 4), -1: none
+# the master's facets, and those beyond their edges (nf, 4); -1: none; JOINT - g: facet g, whose own edge lies beside
+Joined = tuple[Surface, Ints64]
 Sites = tuple[Ints64, Floats, Floats]  # first (nf + 1,), places (np, 2) on the facets, weights (np,) of these coordinates
 
 MOST = 16  # corners of a part: eight, and room for edges that nearly coincide
 ON = 1e-8  # of a facet's size: how far off an edge of the master counts as on it
 WHOLE = 1e-6  # of a facet's area: what may lack of it
+SEAM = 0.1  # the same where facets side by side have no common nodes: there is a gap between them, or they overlap
+JOINT = -2
 NONE = 1e-9  # of a facet's area: parts that are none
 MAX_NEWTON = 20
 
@@ -56,7 +59,7 @@ def facet_parts(
     own, clip, room = np.empty((m, 2)), np.empty((4, 2)), np.empty((2, MOST, 2))
     parts, sizes = np.empty((8, MOST, 2)), np.empty(8, np.int64)
     for f in range(len(corners)):
-        first[f], n, total, greatest = end, 0, 0.0, 0.0
+        first[f], n, total, greatest, seam = end, 0, 0.0, 0.0, False
         x, e1, e2, normal = _frame(coords, corners[f], row(normals, f))
         for i in range(m):
             _put_seen(own, i, minus(row(coords, corners[f, i]), x), e1, e2)
@@ -69,7 +72,8 @@ def facet_parts(
             if not _overlap(clip[: surface[1][g]], low, high):
                 continue
             for e in range(surface[1][g]):
-                goes_on[e] = _goes_on(g, e, master, times(-1.0, normal), coords)
+                goes_on[e], joint = _goes_on(g, e, master, times(-1.0, normal), coords)
+                seam = seam or joint
             size = _clipped(own, clip[: surface[1][g]], goes_on, ON * np.sqrt(abs(area)), room)
             part = _area(room[0], size)
             if not part > NONE * area:
@@ -78,7 +82,7 @@ def facet_parts(
                 parts, sizes = _longer(parts, sizes)
             parts[n, :size], sizes[n] = room[0, :size], size
             n, total, greatest = n + 1, total + part, max(greatest, part)
-        if greatest >= (1.0 - WHOLE) * area or not abs(total - area) <= WHOLE * area:
+        if greatest >= (1.0 - WHOLE) * area or not abs(total - area) <= (SEAM if seam else WHOLE) * area:
             end = _put_whole(rules[2], places, weights, end)
             continue
         for i in range(n):
@@ -109,12 +113,16 @@ def _frame(coords: Floats, corners: Ints64, normal: Vector) -> tuple[Vector, Vec
 
 
 @njit(cache=True)
-def _goes_on(g: int, e: int, master: Joined, n: Vector, coords: Floats) -> bool:
+def _goes_on(g: int, e: int, master: Joined, n: Vector, coords: Floats) -> tuple[bool, bool]:
     """Whether the master goes on beyond the edge that starts in a corner of facet g as `_put_facet` counts these: else it
-    ends there, and what of the slave lies beyond is told by shares, see kernels/coverage.py."""
+    ends there, and what of the slave lies beyond is told by shares, see kernels/coverage.py; and whether it does so on
+    another facet's edge, see `Joined`."""
     m = master[0][1][g]
     beyond = master[1][g, (2 * m - 2 - e) % m]
-    return beyond >= 0 and faces(beyond, n, coords, master[0])
+    joint = beyond <= JOINT
+    beyond = JOINT - beyond if joint else beyond
+    goes_on = beyond >= 0 and faces(beyond, n, coords, master[0])
+    return goes_on, joint and goes_on
 
 
 @njit(cache=True)

@@ -9,10 +9,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.system import System
-from fenics_contact.contact.master import MasterSurface
-from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.repeats import Repeats
-from fenics_contact.contact.seams import slits
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, cut_shapes
 from fenics_contact.meetings import Meeting
 from fenics_contact.scene.functions import whole
@@ -46,7 +43,6 @@ def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
         *_left_out(scene),
         *_slits(scene),
         *_tiny(scene, system),
-        *_side_by_side(system),
         *_cut(scene),
         *_unmet(scene),
         *_materials(scene),
@@ -258,22 +254,6 @@ def _tiny(scene: "Scene", system: System) -> list[str]:
                 f"contact '{one.name}': tool '{one.master.name}' is {size:.3g} long, less than a cell of what it presses, "
                 f"{heights[one.name]:.3g}: see that both are in the same units, or mesh the place with cells of a quarter "
                 "of what touches"
-            )
-    return notes
-
-
-def _side_by_side(system: System) -> list[str]:
-    """What is to be said of masters of bodies side by side, whose ends meet under facets of a slave with averages: samples
-    over a seam count in part, as over an end, and what is beyond adds nothing. Of degree 2 that is some thousandths."""
-    notes = []
-    for contact in system.contacts:
-        master = contact.places.master if isinstance(contact.places, NodePlaces) else None
-        if isinstance(master, MasterSurface) and not master.whole and (found := slits(master.corners, master.X)):
-            notes.append(
-                f"contact '{contact.name}': ends of '{contact.master_name}' lie side by side: {found.told}; pressures of "
-                "nodes whose facets reach over such a seam are off by up to a half, and with them what sticks there, the "
-                "force by one percent: let the side with the seam be the slave, give both parts common nodes there where "
-                "they are one, or take degree=2"
             )
     return notes
 
