@@ -159,7 +159,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
         words = strained(system, energies[-1], max(energies)) if energies else None
         kept.remark([words] if words else [])
-        if energies and energies[-1] > BENT * max(energies):
+        if energies and energies[-1] > max(BENT * max(energies), system.scales.noise_energy):
             kept.remark(bending_notes(scene, system))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):

@@ -11,7 +11,7 @@ from fenics_contact.contact.meeting import Linearised, MortarFeet
 from fenics_contact.contact.node_anchors import NodeAnchors
 from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_pattern import NodePattern
-from fenics_contact.contact.node_places import NodePlaces
+from fenics_contact.contact.node_places import NodePlaces, ends_at
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
 from fenics_contact.contact.partner import weighed
 from fenics_contact.contact.samples import Samples
@@ -72,7 +72,8 @@ class MortarPartner(OnFacets):
     def put_sites(self, values: dict[str, Array], state: State) -> None:
         """Take samples where they were. Collective."""
         samples = Samples(self.places.around, *self.places.around.unpacked(values["samples"]))
-        self.places.restored(samples, state)
+        coords = np.concatenate([self.places.skin.positions(state), self.places.master.positions(state)])
+        self.places.use(samples, ends_at(self.places, coords)[0])
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
         """The law of friction at these feet, with what directions it has there."""

@@ -40,7 +40,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     """Of slave nodes that meet a master through samples of the facets around them.
 
     ring (nf, m): corners of the master's facets; edges (nf, m): from which of them to the next it ends or has a crease;
-    surface: SlaveSurface of nodes; bends (ns,): `_spread` of their normals as drawn; crossing.skin: all facets of the slave;
+    ends, beyond: as drawn, see `ends_at`; parted: parts of the master lie side by side without common nodes; surface:
+    SlaveSurface of nodes; bends (ns,): `_spread` of their normals as drawn; crossing.skin: all facets of the slave;
     free (ns, 3, 3): ways that supports leave the nodes, by rows; part: of the mesh, as of `walls_between`. Each process
     evaluates all samples around its own nodes against the whole master, and so needs nothing of the others. The constructor
     and methods that take a state are collective.
@@ -77,13 +78,13 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
         self._alone = _alone(self._smooth(X)[0][self._smooth.group], X[self.ring])
         self._aside: tuple[Floats, Steered] | None = None  # places of all nodes, and what a step from there presses along
-        self._beyond = beyond_edges(master.corners)
-        creased = np.einsum("fc,fec->fe", normals, normals[self._beyond]) < cosine
-        self.edges = ((self._beyond < 0) | creased)[:, :m]
-        self._ends: Ends = starts, edges + self.first, sides, smooth
-        self._parted = isinstance(master, MasterSurface) and slits(master.corners, master.X) is not None
+        self.beyond = beyond_edges(master.corners)
+        creased = np.einsum("fc,fec->fe", normals, normals[self.beyond]) < cosine
+        self.edges = ((self.beyond < 0) | creased)[:, :m]
+        self.ends: Ends = starts, edges + self.first, sides, smooth
+        self.parted = isinstance(master, MasterSurface) and slits(master.corners, master.X) is not None
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
-        self.use(Samples(self.around, self.around.whole), self._joined(np.concatenate([skin.X, master.X]))[0])
+        self.use(Samples(self.around, self.around.whole), ends_at(self, np.concatenate([skin.X, master.X]))[0])
         self.bends = _drawn(self)
 
     def resampled(self, then: MortarFeet, now: MortarFeet, slides: Floats | None) -> MortarFeet:
@@ -96,29 +97,13 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             if slides is not None and (self._aside is None or self._aside[0] is not then.coords):
                 self._aside = then.coords, _steered(self, then, slides)
             normals, _ = self.around.normals(now.coords)
-            ends, beyond = self._joined(now.coords)
+            ends, beyond = ends_at(self, now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites), ends)
             feet = self._at(then.coords, then.pose, partial(self.sights.pairing.project, timers=self.timers))
             if slides is not None and self._aside is not None:
                 self.samples = self.samples.pressing(*self._aside[1])
             return feet._replace(samples=self.samples)
-
-    def _joined(self, coords: Floats) -> tuple[Ends, Ints64]:
-        """Where the master ends, and facets beyond its edges as of `Joined`, at coords (nx, 3): bodies that lie side by side
-        there go on from one to the other."""
-        if not self._parted:
-            return self._ends, self._beyond
-        (starts, edges, sides, smooth), found = self._ends, abutting(self.master.corners, coords[self.first :])
-        sides, beyond, m = sides.copy(), self._beyond.copy(), len(coords)
-        asked = found.facet * m + found.corner + self.first
-        order, key = np.argsort(asked), sides[:, 0] * m + edges[:, 0]
-        if len(asked):
-            at = order[np.minimum(np.searchsorted(asked[order], key), len(asked) - 1)]
-            sides[:, 1] = np.where(asked[at] == key, found.beyond[at], sides[:, 1])
-            place = (self.master.corners[0][found.facet] == found.corner[:, None]).argmax(axis=1)
-            beyond[found.facet, place] = JOINT - found.beyond
-        return (starts, edges, sides, smooth), beyond
 
     def master_normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (np, 3) of the master at the samples' feet, which point as the samples' own do: of flat facets those
@@ -132,11 +117,6 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             corners = corners - self._alone[facet] * _across(corners, flat)
             theirs = unit(np.einsum("qi,qic->qc", feet.met[9][:, 0, : corners.shape[1]], corners))
         return theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
-
-    def restored(self, samples: Samples, state: State) -> None:
-        """Meet the master through samples of a state that a run goes on from. Collective."""
-        coords = np.concatenate([self.skin.positions(state), self.master.positions(state)])
-        self.use(samples, self._joined(coords)[0])
 
     def use(self, samples: Samples, ends: Ends | None = None) -> None:
         """Meet the master through these samples; ends: where it ends for them, if that is not told yet."""
@@ -172,7 +152,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         N = np.empty((n, 3, self.facets[0].shape[1]))
         foot_shapes(np.arange(n), self.facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
-        coverage(coords, (points, s.corners, s.rims), (self._corners, s.ends or self._ends), sight, projection, cover)
+        coverage(coords, (points, s.corners, s.rims), (self._corners, s.ends or self.ends), sight, projection, cover)
         frames = np.empty((n, 5, 3))
         kernel.fill_frames(coords, self.facets, projection, N, frames)
         return *projection, *cover, N, frames
@@ -272,12 +252,30 @@ def _alone(normals: Floats, x: Floats) -> Floats:
     return np.asarray(1.0 - kept / whole)[..., None]
 
 
+def ends_at(places: NodePlaces, coords: Floats) -> tuple[Ends, Ints64]:
+    """Where the master ends, and facets beyond its edges as of `Joined`, at coords (nx, 3): bodies that lie side by side
+    there go on from one to the other."""
+    if not places.parted:
+        return places.ends, places.beyond
+    corners, (starts, edges, sides, smooth) = places.master.corners, places.ends
+    found, m = abutting(corners, coords[places.first :]), len(coords)
+    sides, beyond = sides.copy(), places.beyond.copy()
+    asked = found.facet * m + found.corner + places.first
+    order, key = np.argsort(asked), sides[:, 0] * m + edges[:, 0]
+    if len(asked):
+        at = order[np.minimum(np.searchsorted(asked[order], key), len(asked) - 1)]
+        sides[:, 1] = np.where(asked[at] == key, found.beyond[at], sides[:, 1])
+        place = (corners[0][found.facet] == found.corner[:, None]).argmax(axis=1)
+        beyond[found.facet, place] = JOINT - found.beyond
+    return (starts, edges, sides, smooth), beyond
+
+
 def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
     """Parts (nf, m, 2) of facets' tangents, by their corners, in what is added to normals, fitted to the samples that a
     facet has as a whole, so that they hang on the state then alone; and how much of it (nf, m) where corners press: all at
     ends and creases, elsewhere where nodes slide on a master that is flatter than the slave was drawn. On one as round the
     slave's normals are as good, and turn with the slave, where the master's are those of another place a step later."""
-    places.use(whole := Samples(places.around, places.around.whole), places._joined(then.coords)[0])
+    places.use(whole := Samples(places.around, places.around.whole), ends_at(places, then.coords)[0])
     feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
     theirs, table = places.master_normals(feet), whole.table
     aside, sees, ends = _aside(places, feet, theirs)
