@@ -227,18 +227,18 @@ LEDGES = {"under": ("left_ymin", "right_ymin"), "over": ("left_ymax", "right_yma
 FREE = {"lower": ("lower_xmin", "lower_xmax"), "upper": ("upper_xmin", "upper_xmax")}
 
 
-def bearing():
-    """Two layers of 2 x 0.5, bonded to a plate between them that juts out by 0.25."""
-    drawn = {name: ((-1.0, y), (2.0, 0.5), (6, 4)) for name, y in (("lower", 0.0), ("upper", 0.7))}
+def bearing(up=4):
+    """Two layers of 2 x 0.5, so many cells up, bonded to a plate between them that juts out by 0.25."""
+    drawn = {name: ((-1.0, y), (2.0, 0.5), (6, up)) for name, y in (("lower", 0.0), ("upper", 0.7))}
     drawn |= {"plate": ((-1.0, 0.5), (2.0, 0.2), (6, 1))}
     drawn |= {name: ((x, 0.5), (0.25, 0.2), (2, 1)) for name, x in (("left", -1.25), ("right", 1.0))}
     rectangles.build(drawn)
     gmsh.model.mesh.removeDuplicateNodes()
 
 
-def held_bearing(pairs, degree):
+def held_bearing(pairs, degree, mu=50.0, **cells):
     """Contacts as they are stated of the layers' free sides and the plate's ledges."""
-    mesh, plate = read_gmsh(bearing), neo_hooke(50.0, 100.0)
+    mesh, plate = read_gmsh(bearing, **cells), neo_hooke(mu, 2.0 * mu)
     bodies = [Body(mesh, name, SOFT if name in FREE else plate) for name in ("lower", "upper", "left", "plate", "right")]
     scene = Scene(*bodies, plane="strain", degree=degree)
     scene.fix("lower_ymin")
@@ -247,11 +247,11 @@ def held_bearing(pairs, degree):
     return scene
 
 
-def sheared(pairs, degree):
+def sheared(pairs, degree, down=0.3, aside=1.2, **bearing):
     """So far that nothing touches yet."""
-    scene = held_bearing(pairs, degree)
-    scene.prescribe("upper_ymax", "y", -0.3)
-    scene.prescribe("upper_ymax", "x", 1.2)
+    scene = held_bearing(pairs, degree, **bearing)
+    scene.prescribe("upper_ymax", "y", -down)
+    scene.prescribe("upper_ymax", "x", aside)
     return solve(scene, steps=4).require()
 
 
@@ -273,6 +273,17 @@ def test_a_node_bonded_to_a_plate_is_not_in_it_from_its_other_side(pairs, degree
         force = [one.column(f"upper_ymax_reaction_{axis}_N")[-1] for one in (bare, result)]
         assert force[0] == pytest.approx(force[1], rel=1e-8)
     assert all(result.history[-1][f"c{i}_load_N"] == 0.0 for i in range(len(pairs)))
+
+
+def test_a_ledge_does_not_press_on_what_lies_beyond_its_plate():
+    """Behind itself it looks through the plate and the air beyond at the side of the other layer, which folds over there."""
+    layers = [(LEDGES[ledge], FREE[layer]) for ledge, layer in (("under", "lower"), ("over", "upper"))]
+    found = []
+    for pairs in ([(BOTH, SIDES)], layers):
+        result = sheared(pairs, 2, 0.4, 1.0, mu=5.0, up=2)
+        assert not result.verdict.causes and all(result.history[-1][f"c{i}_load_N"] == 0.0 for i in range(len(pairs)))
+        found.append([result.column(f"upper_ymax_reaction_{axis}_N")[-1] for axis in "xy"])
+    np.testing.assert_allclose(*found, rtol=1e-8)
 
 
 @pytest.mark.parametrize("degree", [1, 2])

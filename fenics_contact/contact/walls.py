@@ -9,17 +9,38 @@ from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.contact.passing import facet_tangents
-from fenics_contact.kernels.coverage import Walls
+from fenics_contact.kernels.broad_phase import candidates
+from fenics_contact.kernels.coverage import FACING, SHUT, Walls
 from fenics_contact.types import Floats, Ints64
 
 Ring = tuple[MasterSurface, Ints64]  # and corners (nf, 4) of its facets
 
 
-def walls_between(slave: Ring, master: Ring, part: Ints64) -> Walls | None:
-    """Of facets of two surfaces; None where no two of them hang together. part: that of every local node of the mesh.
-    Collective."""
+def walls_between(slave: Ring, master: Ring, part: Ints64, search: float = 0.0) -> Walls | None:
+    """Of facets of two surfaces; None where no two of them hang together. part: that of every local node of the mesh;
+    search: how far what is behind the slave's walls is looked for, where it is [length]. Collective."""
     ours, theirs = (_parts(*side, part) for side in (slave, master))
-    return Walls(*_placed(*slave), ours, (*_placed(*master), theirs)) if np.isin(ours, theirs).any() else None
+    if not np.isin(ours, theirs).any():
+        return None
+    thick = _thick(slave, search) if search > 0.0 else np.full(len(ours), np.inf)
+    return Walls(*_placed(*slave), ours, thick, (*_placed(*master), theirs))
+
+
+def _thick(slave: Ring, search: float) -> Floats:
+    """How far (nf,) behind facets as drawn [length] the body ends, with a facet of any name that is opposite; endless from
+    `search` on. Collective."""
+    surface, (middles, normals, _) = slave[0], _placed(*slave)
+    skin = MasterSurface(surface.space, compat.exterior_facets(surface.space.mesh), surface.section, surface.whole)
+    theirs, thick = _placed(skin, skin.corners[0]), np.full(len(middles), np.inf)
+    starts, listed = candidates(middles, skin.X, *skin.corners, search)
+    s = np.repeat(np.arange(len(middles)), np.diff(starts))
+    (place, out, size), n = (value[listed] for value in theirs), normals[s]
+    way = place - middles[s]
+    deep = -np.einsum("nc,nc->n", n, way)
+    aside = np.linalg.norm(way + deep[:, None] * n, axis=1)
+    behind = (np.einsum("nc,nc->n", n, out) < -FACING) & (deep > SHUT * size) & (aside < size)
+    np.minimum.at(thick, s[behind], deep[behind])
+    return thick
 
 
 def walls_at(nodes: Ints64, slave: Ring, master: Ring, part: Ints64) -> list[Walls]:
@@ -34,7 +55,7 @@ def walls_at(nodes: Ints64, slave: Ring, master: Ring, part: Ints64) -> list[Wal
     np.add.at(normals, ring, area_vectors(surface.X[ring])[:, None])
     np.maximum.at(sizes, ring, walls.sizes[:, None])
     parts[ring] = walls.parts[:, None]
-    place = surface.X[nodes], sizes[nodes], parts[nodes].astype(np.int64)
+    place = surface.X[nodes], sizes[nodes], parts[nodes].astype(np.int64), np.full(len(nodes), np.inf)
     both = _unit(normals)[nodes], _unit(_others(surface, normals))[nodes]
     return [Walls(place[0], directions, *place[1:], walls.others) for directions in both]
 
@@ -71,4 +92,4 @@ def _placed(surface: MasterSurface, ring: Ints64) -> tuple[Floats, Floats, Float
     """Middles (nf, 3), unit normals (nf, 3) and longest sides (nf,) of facets with corners (nf, 4) as they were drawn."""
     X = surface.X[ring]
     area, sides = area_vectors(X), np.linalg.norm(X - np.roll(X, 1, axis=1), axis=2)
-    return X.mean(axis=1), area / np.linalg.norm(area, axis=1, keepdims=True), sides.max(axis=1, initial=0.0)
+    return X.mean(axis=1), _unit(area), sides.max(axis=1, initial=0.0)
