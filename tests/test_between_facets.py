@@ -9,6 +9,7 @@ import pytest
 
 from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_curve, rigid_surface, solve
 from fenics_contact.meshes import box, rectangles
+from fenics_contact.scene.build import build
 
 pytestmark = pytest.mark.parallel
 SOFT, HARD = neo_hooke(1.0, 5.0), neo_hooke(1e4, 5e4)
@@ -220,3 +221,81 @@ def test_what_lies_as_it_should_is_passed_over():
     scene.contact("pad_ymax", "block_ymin", 0.3, name="c")
     result = solve(scene, steps=3).require()
     assert not said(result, " inside ") and np.abs(result.column("c_force_y_N")[-1]) > 0.1
+
+
+LEDGES = {"under": ("left_ymin", "right_ymin"), "over": ("left_ymax", "right_ymax")}
+FREE = {"lower": ("lower_xmin", "lower_xmax"), "upper": ("upper_xmin", "upper_xmax")}
+
+
+def bearing(up=4):
+    """Two layers of 2 x 0.5, so many cells up, bonded to a plate between them that juts out by 0.25."""
+    drawn = {name: ((-1.0, y), (2.0, 0.5), (6, up)) for name, y in (("lower", 0.0), ("upper", 0.7))}
+    drawn |= {"plate": ((-1.0, 0.5), (2.0, 0.2), (6, 1))}
+    drawn |= {name: ((x, 0.5), (0.25, 0.2), (2, 1)) for name, x in (("left", -1.25), ("right", 1.0))}
+    rectangles.build(drawn)
+    gmsh.model.mesh.removeDuplicateNodes()
+
+
+def held_bearing(pairs, degree, mu=50.0, **cells):
+    """Contacts as they are stated of the layers' free sides and the plate's ledges."""
+    mesh, plate = read_gmsh(bearing, **cells), neo_hooke(mu, 2.0 * mu)
+    bodies = [Body(mesh, name, SOFT if name in FREE else plate) for name in ("lower", "upper", "left", "plate", "right")]
+    scene = Scene(*bodies, plane="strain", degree=degree)
+    scene.fix("lower_ymin")
+    for i, pair in enumerate(pairs):
+        scene.contact(*pair, 0.3, name=f"c{i}")
+    return scene
+
+
+def sheared(pairs, degree, down=0.3, aside=1.2, **bearing):
+    """So far that nothing touches yet."""
+    scene = held_bearing(pairs, degree, **bearing)
+    scene.prescribe("upper_ymax", "y", -down)
+    scene.prescribe("upper_ymax", "x", aside)
+    return solve(scene, steps=4).require()
+
+
+SIDES, BOTH = FREE["lower"] + FREE["upper"], LEDGES["under"] + LEDGES["over"]
+STATED = {
+    "as one": [(SIDES, BOTH)],
+    "the other way round": [(BOTH, SIDES)],
+    "by which way ledges look": [(SIDES, LEDGES["under"]), (SIDES, LEDGES["over"])],
+}
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("pairs", [pytest.param(pairs, id=name) for name, pairs in STATED.items()])
+def test_a_node_bonded_to_a_plate_is_not_in_it_from_its_other_side(pairs, degree):
+    """Its side leans back over the plate, so that it looks through it at the ledge on its other side."""
+    bare, result = sheared([], degree), sheared(pairs, degree)
+    assert not result.verdict.causes and not said(result, " inside ")
+    for axis in "xy":
+        force = [one.column(f"upper_ymax_reaction_{axis}_N")[-1] for one in (bare, result)]
+        assert force[0] == pytest.approx(force[1], rel=1e-8)
+    assert all(result.history[-1][f"c{i}_load_N"] == 0.0 for i in range(len(pairs)))
+
+
+def test_a_ledge_does_not_press_on_what_lies_beyond_its_plate():
+    """Behind itself it looks through the plate and the air beyond at the side of the other layer, which folds over there."""
+    layers = [(LEDGES[ledge], FREE[layer]) for ledge, layer in (("under", "lower"), ("over", "upper"))]
+    found = []
+    for pairs in ([(BOTH, SIDES)], layers):
+        result = sheared(pairs, 2, 0.4, 1.0, mu=5.0, up=2)
+        assert not result.verdict.causes and all(result.history[-1][f"c{i}_load_N"] == 0.0 for i in range(len(pairs)))
+        found.append([result.column(f"upper_ymax_reaction_{axis}_N")[-1] for axis in "xy"])
+    np.testing.assert_allclose(*found, rtol=1e-8)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("pair", [pytest.param((SIDES, BOTH), id="slave"), pytest.param((BOTH, SIDES), id="master")])
+def test_a_node_that_comes_into_a_plate_from_below_is_found(pair, degree):
+    """The lower layer's side is drawn up into it, and aside."""
+    system = build(held_bearing([pair], degree)).system
+    state, x = system.state, system.space.tabulate_dof_coordinates()
+    assert not (system.contacts[0].places.crossing.found(state).depth > 1e-9).any()
+    below = np.where(np.isclose(x[:, 0], -1.0), 0.5 - x[:, 1], 0.0)
+    some = (below > 1e-9) & (below < 0.26)
+    state.u.x.array.reshape(-1, 3)[some, :2] = np.stack([-0.4 * below, 0.03 + below], axis=1)[some]
+    found = system.contacts[0].places.crossing.found(state)
+    deep = state.comm.allgather(found.depth.max(initial=0.0))
+    assert max(deep) == pytest.approx(0.03, rel=1e-9)

@@ -101,7 +101,7 @@ class Crossing:
     ) -> None:
         self.skin, self._plane, self._comm = skin, plane, skin.comm
         self._slave, self._master = _side(skin, plane), _side(master, plane)
-        self._walls: dict[bool, Walls | None] = {True: None, False: None}
+        self._walls: dict[bool, list[Walls]] = {True: [], False: []}
         if isinstance(master, MasterSurface):
             sides = (skin, self._slave.corners), (master, self._master.corners)
             self._walls = {
@@ -148,7 +148,7 @@ class Crossing:
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         gap, out = np.empty(n), np.empty((n, 3))
         lists = candidates(points, y, other.corners, other.size, search)
-        if (walls := self._walls[one is self._slave]) is not None:
+        for walls in self._walls[one is self._slave]:
             lists = in_front(lists, mine, walls, search)
         master, projection = (y, (other.corners, other.size)), (facet, kind, feature, np.empty((n, 2)), gap, out)
         closest_points(points, normals, master, lists, (search, FACING), projection)

@@ -165,8 +165,8 @@ class MasterSurface(FacetSurface):
     """All facets of a master group on every rank, in an order that no partition changes.
 
     facets number the surface's nodes 0 ... nm - 1, each once; blocks (nm,): their global block numbers; moving: these, each
-    once and rising; keys (nm,): their numbers that no partition changes. The exchange is one gather of owned positions to
-    all ranks per evaluation: a surface is small against its volume.
+    once and rising; keys (nm,): their numbers that no partition changes; named: its local facets of the mesh. The exchange
+    is one gather of owned positions to all ranks per evaluation: a surface is small against its volume.
 
     section: what the curves of a plane mesh stand for. They are strips here, as deep as their sides are long on average:
     behind all their nodes come as many far ones, of the same displacements and forces. whole: facets of degree 2 with all
@@ -174,6 +174,7 @@ class MasterSurface(FacetSurface):
     """
 
     def __init__(self, space: Space, facets: Ints, section: Section | None = None, whole: bool = False) -> None:
+        self.space, self.named = space, facets
         self.comm, self.size = space.mesh.comm, space.dofmap.index_map.size_global  # of the System, in blocks
         self.straight = geometry_degree(space.mesh) == 1
         nodes, size, key = whole_facets(space, facets) if whole else oriented_facets(space, facets)

@@ -68,7 +68,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         ring, self._walls = self.around.corners, None
         if isinstance(master, MasterSurface):
             ours = skin, ring if ring.shape[1] == 4 else ring[:, [0, 1, 2, 2]]
-            self._walls = walls_between(ours, (master, master.corners[0]), part)
+            self._walls = walls_between(ours, (master, master.corners[0]), part, search)
             self.meets_itself = max(self.comm.allgather(self._walls is not None))  # a process may have no facet of the slave
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals, cosine = unit(area_vectors(master.X[master.corners[0]])), np.cos(np.radians(CREASE))

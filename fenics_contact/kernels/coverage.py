@@ -73,25 +73,31 @@ def in_sight(lists: Lists, sight: Sight, surface: Surface) -> Lists:
 
 class Walls(NamedTuple):
     """Flat facets as their bodies were drawn, the slave's and the master's `others`: middles (n, 3), unit normals (n, 3) out
-    of them, longest sides (n,) [length], and parts (n,), alike in what hangs together."""
+    of them, longest sides (n,) [length], and parts (n,), alike in what hangs together; thick (n,): how thick the slave's
+    body is behind them, endless where it is not thin [length]."""
 
     middles: Floats
     normals: Floats
     sizes: Floats
     parts: Ints64
+    thick: Floats
     others: tuple[Floats, Floats, Floats, Ints64]
 
 
 @njit(cache=True, error_model="numpy")
 def _backs(s: int, f: int, walls: Walls, search: float) -> bool:
     """Whether facet f of the master was drawn as the other side of the slave's facet s, no farther off than a search: in the
-    same body, turned away from it as it is itself, and opposite, so that the body lies in between."""
+    same body, turned away from it as it is itself, and opposite, so that the body lies in between; or beyond that side."""
     middles, normals, sizes, parts = walls.others
     if walls.parts[s] != parts[f]:
         return False
     n, m, way = row(walls.normals, s), row(normals, f), minus(row(middles, f), row(walls.middles, s))
-    size = walls.sizes[s] + sizes[f]
-    if -dot(n, way) <= SHUT * size or dot(m, way) <= SHUT * size or dot(n, m) > FACING or norm(way) > search + size:
+    size, below = walls.sizes[s] + sizes[f], -dot(n, way)
+    if below <= SHUT * size or dot(n, m) > FACING or norm(way) > search + size:
+        return False
+    if below > walls.thick[s] + SHUT * size:
+        return True
+    if dot(m, way) <= SHUT * size:
         return False
     out = minus(n, m)
     out = times(1.0 / norm(out), out)
