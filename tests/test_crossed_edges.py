@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_surface, solve
+from fenics_contact.contact.crossing import _side
+from fenics_contact.contact.master import FacetSurface
+from fenics_contact.kernels.closest_point import EDGE
 from fenics_contact.meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -113,3 +116,14 @@ def test_edges_that_have_come_in_deep_are_lost():
     assert result.verdict.kind == "projection lost" and "lie" in result.verdict.reason
     assert "where an edge of one crosses the other" in result.verdict.reason
     assert 0.5 * result.column("t")[-1] / ACROSS == pytest.approx(0.75 * 0.25 * ACROSS, abs=0.012)
+
+
+def test_each_side_of_a_triangle_on_the_border_is_known():
+    """A square of two, in whichever corner they begin: behind its four sides nothing lies, behind their common one it goes
+    on, and that alone is no border edge that is asked."""
+    X = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    for i, j in np.ndindex(3, 3):
+        rings = np.array([np.roll([0, 1, 2], i), np.roll([2, 3, 0], j)])
+        side = _side(FacetSurface((rings[:, [0, 1, 2, 2]], np.array([3, 3])), X), False)
+        assert side.border[EDGE].sum() == 4 and len(side.edges) == 5
+        assert side.edges[side.beside[:, 0] != side.beside[:, 1]].tolist() == [[0, 2]]
