@@ -17,7 +17,7 @@ from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Bools, Floats, Ints64
 
 if TYPE_CHECKING:
-    from fenics_contact.contact.crossing import Crossing
+    from fenics_contact.contact.crossing import Crossed, Crossing
     from fenics_contact.contact.term import Contact
 
 # Of the size of the slave's facet: rounded edges on facets that follow them, and edges of blocks that slide, lie an eighth
@@ -31,21 +31,23 @@ MEAN = 0.5
 COME_IN, DROWNED = 0.75, 1.0
 UNREACHED = 0.01  # likewise, of a contact that is open at all its points: what facets cut off of each other is less
 FINER = "mesh the slave there more finely, with cells of a quarter of how deep it is to go"
+CROSSED = "mesh both there more finely, with cells of a quarter of how deep they are to go, or round the edges"
 # By what a side has, not by its name: with the sides exchanged it asks for the same ones
 EDGED = "let the side without an edge there be the slave, or round the edge"
 
 
 class Behind(NamedTuple):
-    """Nodes of n places that lie behind facets, of this rank: by how much deeper than the points there, sag (n,) [length],
-    share (n,): of the size of the slave's facet; X (n, 3): reference positions on the slave; slaves (n,): nodes of the
-    slave, at (n,): their numbers there, of others those of the slave's facets; led (n,): supports have led them, or
-    nodes of these facets, in; free (n,): no pressure around holds them. forces (nm,): what pressure exerts on each node of
-    the slave, of all ranks [force]."""
+    """n nodes and places on edges that lie behind facets, of this rank: by how much deeper than the points there, sag (n,)
+    [length], share (n,): of the size of the slave's facet; X (n, 3): reference positions on the slave; slaves (n,): nodes of
+    the slave, edges (n,): on edges; at (n,): as of Crossed; led (n,): supports have led them, or nodes of these facets, in;
+    free (n,): no pressure around holds them. forces (nm,): what pressure exerts on each node of the slave, of all ranks
+    [force]."""
 
     sag: Floats
     share: Floats
     X: Floats
     slaves: Bools
+    edges: Bools
     at: Ints64
     led: Bools
     free: Bools
@@ -73,7 +75,7 @@ def _behind(contact: Contact, state: State) -> Behind | None:
     comm.Allreduce(MPI.IN_PLACE, led_in, op=MPI.MAX)
     led = np.zeros(len(ours), dtype=bool)
     led[ours], led[theirs] = led_in[found.at[ours]] > 0, (led_in[facets[found.at[theirs]]] > 0).any(axis=1)
-    return Behind(sag, share, found.X, ours, found.at, led, free, load)
+    return Behind(sag, share, found.X, ours, found.edges, found.at, led, free, load)
 
 
 def _penetrations(contact: Contact, state: State, crossing: Crossing) -> Floats:
@@ -102,19 +104,21 @@ def _part_there(contact: Contact, state: State, found: Behind, which: Bools) -> 
 def _in_words(contact: Contact, state: State, found: Behind, values: Floats) -> tuple[str, str, str]:
     """(place, what lies how deep, remedy) of the place with the largest of values (n,). Collective."""
     most, place = worst(contact, state.comm, values, found.X)
-    here = values >= most
-    text, ours = _lies(contact, state, max(state.comm.allgather(found.sag[here].max(initial=0.0))), found.slaves[here])
-    if not ours:
-        return place, f"{text} between its nodes", FINER
-    return place, text, FINER if contact.partner.grounded else EDGED
+    return place, *_lies(contact, state, found, found.sag, values >= most)
 
 
-def _lies(contact: Contact, state: State, sag: float, slaves: Bools) -> tuple[str, bool]:
-    """What lies how deep in the other, in words, and whether it is a node of the slave, as these of all ranks tell.
-    Collective."""
-    if state.comm.allreduce(bool(slaves.any()), op=MPI.LOR):
-        return f"a slave node lies {sag:.3g} inside '{contact.master_name}'", True
-    return f"'{contact.master_name}' lies {sag:.3g} inside the slave", False
+def _lies(contact: Contact, state: State, found: Behind | Crossed, deep: Floats, here: Bools) -> tuple[str, str]:
+    """(what lies how deep in the other, in words, remedy) of the places `here` of n that lie deep (n,) [length], as these of
+    all ranks tell. Collective."""
+    sag, comm = max(state.comm.allgather(deep[here].max(initial=0.0))), state.comm
+    node, edge = (comm.allreduce(bool(which[here].any()), op=MPI.LOR) for which in (found.slaves, found.edges))
+    if node:
+        text = f"a slave node lies {sag:.3g} inside '{contact.master_name}'"
+        return text, FINER if contact.partner.grounded else EDGED
+    if edge:
+        text = f"the slave and '{contact.master_name}' lie {sag:.3g} in each other"
+        return f"{text} where an edge of one crosses the other between nodes", CROSSED
+    return f"'{contact.master_name}' lies {sag:.3g} inside the slave between its nodes", FINER
 
 
 def hidden_note(contact: Contact, state: State) -> Remark | None:
@@ -157,8 +161,8 @@ def unheld_facets(contact: Contact, state: State) -> str | None:
     sag, place = worst(contact, state.comm, depth, found.X, 0.0)
     if sag <= 0.0:
         return None
-    inside, _ = _lies(contact, state, sag, found.slaves[depth >= sag])
-    return f"{place} never closed, though {inside}, between points that do not reach each other: {FINER}"
+    inside, remedy = _lies(contact, state, found, found.depth, depth >= sag)
+    return f"{place} never closed, though {inside}, where its points do not reach: {remedy}"
 
 
 def led_in_note(contact: Contact, state: State) -> Remark | None:

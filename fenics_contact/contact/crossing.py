@@ -1,4 +1,4 @@
-"""How deep nodes of two meshed surfaces in contact lie behind each other's facets, between the points that hold them."""
+"""How deep nodes and edges of two meshed surfaces in contact lie behind each other's facets, between what holds them."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,12 +13,17 @@ from fenics_contact.contact.walls import walls_at
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import EDGE, VERTEX, closest_points
 from fenics_contact.kernels.coverage import Walls, in_front
-from fenics_contact.kernels.facets import MAX_NODES
+from fenics_contact.kernels.facets import MAX_NODES, PlacedSurface
+from fenics_contact.kernels.passages import parts_within
 from fenics_contact.kernels.quadratic import QUADRILATERAL, STRIP, TRIANGLE
 from fenics_contact.types import Bools, Floats, Ints64
 
 # Cosine of outward normals above which a facet does not look towards a node: sides of a body pass along each other
 FACING = -0.25
+# Sine of what the surface turns in an edge from which on that is asked how it passes through the other one: where two facets
+# are flatter, an edge between their nodes hides no hundredth of a cell
+BLUNT = 0.02
+ALONG_EDGE = np.arange(1, 8) / 8  # of the part of an edge that lies within the other surface: where that is asked
 REACH = 2.0  # times the longest piece of the other surface: what lies deeper has been let in by steps before
 # Flat pieces of facets of degree 2, which have each node for a corner
 PIECES = {
@@ -30,11 +35,12 @@ ALONG = np.array([True, False, True, False])  # sides of a strip that lie along 
 
 
 class Crossed(NamedTuple):
-    """Nodes of either surface that lie behind the other's facets: n of them, of this rank.
+    """Nodes of either surface, and places on its edges, that lie behind the other's facets: n of them, of this rank.
 
     depth (n,) [length]; size (n,): shortest side of the slave's facet there [length]; X (n, 3): a place on the slave in the
-    reference; normals (n, 3): out of the slave; slaves (n,): which are nodes of the slave; at (n,): their numbers on it,
-    else those of the slave's facets that the others lie behind; led (n,): supports hold the slave's node along the normal.
+    reference; normals (n, 3): out of the slave; slaves (n,): which are nodes of the slave; edges (n,): which are on edges of
+    either; at (n,): of nodes of the slave their numbers on it, else those of the slave's facets that the others lie behind,
+    or that its edges are sides of; led (n,): supports hold the slave's node along the normal.
     """
 
     depth: Floats
@@ -42,15 +48,29 @@ class Crossed(NamedTuple):
     X: Floats
     normals: Floats
     slaves: Bools
+    edges: Bools
     at: Ints64
     led: Bools
+
+
+class _Asked(NamedTuple):
+    """Of a side's nodes or places on its edges points (n, 3), outward normals (n, 3), reference positions X (n, 3), each
+    one's place, or one beside it, among the side's nodes (n,); size (n,) and at (n,) as of Crossed if it is the slave."""
+
+    points: Floats
+    normals: Floats
+    X: Floats
+    beside: Ints64
+    size: Floats
+    at: Ints64
 
 
 @dataclass(frozen=True)
 class _Side:
     """A surface in flat pieces, corners (m, 4) and how many (m,), of its facets `of` (m,): these facets' shortest
-    sides (m,) [length]; which sides and corners of the pieces lie on the surface's border (m, 4); nodes (n,), each once, and
-    the shortest side of a facet around each (n,) [length]."""
+    sides (m,) [length]; which sides and corners of the pieces lie on the surface's border (m, 4); edges (ne, 2) and
+    the pieces to either side of each (ne, 2), on the border one twice; nodes (n,), each once, and the shortest side of a
+    facet around each (n,) [length]."""
 
     surface: MasterSurface | ToolSurface
     corners: Ints64
@@ -58,6 +78,8 @@ class _Side:
     of: Ints64
     shortest: Floats
     border: dict[int, Bools]
+    edges: Ints64
+    beside: Ints64
     nodes: Ints64
     around: Floats
 
@@ -81,12 +103,15 @@ def _side(surface: MasterSurface | ToolSurface, plane: bool) -> _Side:
     length = np.linalg.norm(surface.X[ends[..., 0]] - surface.X[ends[..., 1]], axis=-1)
     shortest = np.where(counts & (ALONG | (not plane)), length, np.inf).min(axis=1, initial=np.inf)[of]
     edges, there = _edges(corners, size)
-    _, number, times = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
-    once = (times[number.ravel()] == 1).reshape(corners.shape) & there
+    ends, number, times = np.unique(edges[there], axis=0, return_inverse=True, return_counts=True)
+    once = np.zeros(corners.shape, dtype=bool)
+    once[there] = times[number.ravel()] == 1
+    order, last = np.nonzero(there)[0][np.argsort(number.ravel(), kind="stable")], np.cumsum(times) - 1
+    beside = np.stack([order[last - times + 1], order[last]], axis=1)
     border = {EDGE: once, VERTEX: np.isin(corners, edges[once])}
     nodes, around = np.unique(corners), np.full(len(surface.X), np.inf)
     np.minimum.at(around, corners, shortest[:, None])
-    return _Side(surface, corners, size, of, shortest, border, nodes, around[nodes])
+    return _Side(surface, corners, size, of, shortest, border, ends, beside, nodes, around[nodes])
 
 
 class Crossing:
@@ -117,43 +142,94 @@ class Crossing:
         return self.skin.facets[0] % max(len(self.skin.moving), 1)
 
     def found(self, state: State) -> Crossed:
-        """What lies behind facets at a state, of this rank's part of all nodes."""
+        """What lies behind facets at a state, of this rank's part of all nodes and edges."""
         slave, master = self._slave, self._master
         xs, xm = slave.surface.positions(state), master.surface.positions(state)
-        nodes, piece, depth, out = self._behind(master, xm, slave, xs)
-        theirs = Crossed(
-            depth, slave.shortest[piece], self.skin.X[slave.corners[piece]].mean(axis=1), out, np.zeros(len(nodes), bool),
-            slave.of[piece], np.zeros(len(nodes), bool),
-        )  # fmt: skip
-        nodes, piece, depth, out = self._behind(slave, xs, master, xm)
-        at = slave.nodes[nodes] % max(len(self.skin.moving), 1)
-        led = np.abs(np.einsum("nfc,nc->nf", self._free[at], out)).max(axis=1, initial=0.0) <= FIXED
-        ours = Crossed(depth, slave.around[nodes], self.skin.X[slave.nodes[nodes]], -out, np.ones(len(nodes), bool), at, led)
-        both = [np.concatenate(pair) for pair in zip(theirs, ours, strict=True)]
+        ours = [self._ours(self._nodes(slave, xs), xm, False)]
+        theirs = [self._theirs(self._nodes(master, xm), xs, False)]
+        if not self._plane:  # where all edges are parallel
+            ours.append(self._ours(self._on_edges(slave, xs, master, xm), xm, True))
+            theirs.append(self._theirs(self._on_edges(master, xm, slave, xs), xs, True))
+        both = [np.concatenate(parts) for parts in zip(*theirs, *ours, strict=True)]
         if self._plane:
             both[2] = both[2] * [1.0, 1.0, 0.0]
         return Crossed(*both)
 
-    def _behind(self, one: _Side, x: Floats, other: _Side, y: Floats) -> tuple[Ints64, Ints64, Floats, Floats]:
-        """Of this rank's part of the nodes of one side at x (nx, 3) that lie behind the other's pieces at y (ny, 3): which,
-        behind which piece, how deep [length], and that piece's outward normals (n, 3) there."""
+    def _theirs(self, asked: _Asked, xs: Floats, edges: bool) -> Crossed:
+        """What of the master lies behind the slave's pieces at xs."""
+        slave = self._slave
+        _, piece, depth, out = self._behind(self._master, asked, slave, xs)
+        no, X = np.zeros(len(piece), dtype=bool), self.skin.X[slave.corners[piece]].mean(axis=1)
+        return Crossed(depth, slave.shortest[piece], X, out, no, no | edges, slave.of[piece], no)
+
+    def _ours(self, asked: _Asked, xm: Floats, edges: bool) -> Crossed:
+        """What of the slave lies behind the master's pieces at xm."""
+        some, _, depth, out = self._behind(self._slave, asked, self._master, xm)
+        at, kind = asked.at[some], np.full(len(some), edges)
+        led = np.zeros(len(some), dtype=bool)
+        if not edges:
+            led = np.abs(np.einsum("nfc,nc->nf", self._free[at], out)).max(axis=1, initial=0.0) <= FIXED
+        return Crossed(depth, asked.size[some], asked.X[some], -out, ~kind, kind, at, led)
+
+    def _nodes(self, one: _Side, x: Floats) -> _Asked:
+        """This rank's part of the nodes of one side at x (nx, 3)."""
         sums = np.zeros_like(x)
         np.add.at(sums, one.corners, area_vectors(x[one.corners])[:, None])
         mine = np.arange(self._comm.rank, len(one.nodes), self._comm.size)
-        points, normals = x[one.nodes[mine]], sums[one.nodes[mine]]
+        nodes = one.nodes[mine]
+        at = nodes % max(len(self.skin.moving), 1)
+        return _Asked(x[nodes], sums[nodes], one.surface.X[nodes], mine, one.around[mine], at)
+
+    def _on_edges(self, one: _Side, x: Floats, other: _Side, y: Floats) -> _Asked:
+        """Places on this rank's part of one side's edges, at x (nx, 3), where these pass through the other's pieces at y: in
+        and out again, they have no node behind them. Only those on the border and those that stand out do so first."""
+        mine = np.arange(self._comm.rank, len(one.edges), self._comm.size)
+        edges, beside = one.edges[mine], one.beside[mine]
+        normals, first = area_vectors(x[one.corners]), x[edges[:, 0]]
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        n, m = normals[beside[:, 0]], normals[beside[:, 1]]
+        behind = np.einsum("nc,nc->n", x[one.corners[beside[:, 1]]].mean(axis=1) - first, n) < 0.0
+        stands = behind & (np.linalg.norm(np.cross(n, m), axis=1) > BLUNT)
+        some = np.flatnonzero(stands | (beside[:, 0] == beside[:, 1]))
+        parts = _passages(x[edges[some]], (y, (other.corners, other.size)))
+        some, parts = some[within := parts[:, 1] > parts[:, 0]], parts[within]
+        t = (parts[:, :1] + (parts[:, 1:] - parts[:, :1]) * ALONG_EDGE).reshape(-1, 1)
+        some = np.repeat(some, len(ALONG_EDGE))
+        (points, X), facets = (
+            ((1.0 - t) * z[edges[some, 0]] + t * z[edges[some, 1]] for z in (x, one.surface.X)),
+            beside[some],
+        )
+        near, size = np.searchsorted(one.nodes, edges[some, 0]), one.shortest[facets].min(axis=1, initial=np.inf)
+        return _Asked(points, n[some] + m[some], X, near, size, one.of[facets[:, 0]])
+
+    def _behind(self, one: _Side, asked: _Asked, other: _Side, y: Floats) -> tuple[Ints64, Ints64, Floats, Floats]:
+        """What is asked of one side that lies behind the other's pieces at y (ny, 3): which, behind which piece, how deep
+        [length], and that piece's outward normals (n, 3) there."""
+        points, normals = asked.points, asked.normals
         if self._plane:
             points, normals = points * [1.0, 1.0, 0.0], normals * [1.0, 1.0, 0.0]
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         n, search = len(points), REACH * float(np.max(other.around, initial=0.0))
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         gap, out = np.empty(n), np.empty((n, 3))
         lists = candidates(points, y, other.corners, other.size, search)
         for walls in self._walls[one is self._slave]:
-            lists = in_front(lists, mine, walls, search)
+            lists = in_front(lists, asked.beside, walls, search)
         master, projection = (y, (other.corners, other.size)), (facet, kind, feature, np.empty((n, 2)), gap, out)
         closest_points(points, normals, master, lists, (search, FACING), projection)
         inside = gap < 0.0
         for what, border in other.border.items():
             inside &= (kind != what) | ~border[facet, feature]
         some = np.flatnonzero(inside)
-        return mine[some], facet[some], -gap[some], out[some]
+        return some, facet[some], -gap[some], out[some]
+
+
+def _passages(ends: Floats, surface: PlacedSurface) -> Floats:
+    """`parts_within` of edges with ends (n, 2, 3); those of like lengths at once, as the longest says what is near."""
+    out, half = np.zeros((len(ends), 2)), 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    scale = np.frexp(half)[1]
+    for one in np.unique(scale):
+        like = np.flatnonzero(scale == one)
+        lists = candidates(ends[like].mean(axis=1), surface[0], *surface[1], float(half[like].max()))
+        out[like] = parts_within(ends[like], lists, surface)
+    return out
