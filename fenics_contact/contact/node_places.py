@@ -82,7 +82,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         creased = np.einsum("fc,fec->fe", normals, normals[self.beyond]) < cosine
         self.edges = ((self.beyond < 0) | creased)[:, :m]
         self.ends: Ends = starts, edges + self.first, sides, smooth
-        self.parted = isinstance(master, MasterSurface) and slits(master.corners, master.X) is not None
+        # curved ends bulge past each other between their corners
+        straight = isinstance(master, MasterSurface) and not master.whole
+        self.parted = straight and slits(master.corners, master.X) is not None
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
         self.use(Samples(self.around, self.around.whole), ends_at(self, np.concatenate([skin.X, master.X]))[0])
         self.bends = _drawn(self)
