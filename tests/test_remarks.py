@@ -95,6 +95,31 @@ def test_a_body_inside_another_one_is_told(cells):
     assert not pressed(mesh, axis, 0.3, contact=True)
 
 
+@pytest.mark.parametrize("turn", [0.0, 30.0, 45.0])
+def test_each_pair_of_bodies_that_lie_in_each_other_is_told_however_it_is_turned(turn):
+    """Blocks of one cell; what one pair says hides nothing of another, and a cell is as wide as its sides are long."""
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+
+    def draw():
+        corners = {"a": (0.0, 0.0), "b": (0.0, 1.1), "c": (4.0, 0.0), "d": (4.0, 1.1)}
+        rectangles.build({name: (corner, (1.0, 1.0), (1, 1)) for name, corner in corners.items()})
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        for tag, (x, y, _) in zip(tags, places.reshape(-1, 3), strict=True):
+            gmsh.model.mesh.setNode(tag, [c * x - s * y, s * x + c * y, 0.0], [])
+
+    scene = Scene(*(Body(read, name, SOFT) for read in [read_gmsh(draw)] for name in "abcd"), plane="strain")
+    for name in "ac":
+        scene.fix(f"{name}_ymin")
+    for name, deep in (("b", 0.3), ("d", 0.06)):
+        x, y = 0.3, -0.1 - deep
+        scene.prescribe(f"{name}_ymin", "x", c * x - s * y)
+        scene.prescribe(f"{name}_ymin", "y", s * x + c * y)
+    notes = [note for note in solve(scene, steps=1).require().verdict.notes if "where a cell is" in note]
+    assert len(notes) == 2
+    for note, (one, other, deep) in zip(sorted(notes), (("a", "b", 0.3), ("c", "d", 0.06)), strict=True):
+        assert f"'{one}'" in note and f"'{other}'" in note and f"lies {deep:g} inside" in note and "is 1 wide" in note
+
+
 def test_with_curved_cells_of_degree_2():
     mesh, axis = in_plane("quadrilaterals", order=2)
     _, last = pressed(mesh, axis, 0.3, degree=2)

@@ -68,19 +68,24 @@ class Overlaps:
         pairs = {(n, b): h for n, b, h in sorted(found)[:: max(len(found) // SOME, 1)]}
         depths = self._depths(list(pairs), x, places)
         shares = depths / np.array([*pairs.values()])
-        if not (shares > DEEP).any():
-            return {}
-        worst = int(shares.argmax())
-        (n, b), h = list(pairs.items())[worst]
-        one, two = system.bodies[self._own[n]][0], system.bodies[b][0]
-        at = self._nodes[: self._count]
+        remarks: dict[str, tuple[float, Remark]] = {}
+        for share, depth, (pair, h) in zip(shares, depths, pairs.items(), strict=True):
+            key, remark = self._remark(pair, float(depth), h)
+            if share > remarks.get(key, (DEEP, None))[0]:
+                remarks[key] = float(share), remark
+        return {key: remark for key, (_, remark) in remarks.items()}
+
+    def _remark(self, pair: tuple[int, int], depth: float, h: float) -> tuple[str, Remark]:
+        """Of a node that lies so deep in a body, where a cell is h wide [length]: both bodies, and what is to be said."""
+        (n, b), bodies, at = pair, self._system.bodies, self._nodes[: self._count]
+        one, two = bodies[self._own[n]][0], bodies[b][0]
         where = spot(tidied(at, np.abs(at).max())[n % self._count])
         if n >= self._count:
             where += ", where a pair of faces puts its neighbour"
         what = "another part of itself" if one == two else f"body '{two}'"
-        text = f"a node of body '{one}', {where}, lies {depths[worst]:.3g} inside {what}, where a cell is {h:.3g} wide"
+        text = f"a node of body '{one}', {where}, lies {depth:.3g} inside {what}, where a cell is {h:.3g} wide"
         why = (ITSELF if one == two else OTHER) if n < self._count else NEIGHBOUR
-        return {str(sorted([one, two])): Remark(float(depths[worst]), f"{text}: {why}")}
+        return str(sorted([one, two])), Remark(depth, f"{text}: {why}")
 
     def _images(self, t: float) -> list[Image]:
         """Where pairs of faces put the bodies' neighbours at t. Collective."""
@@ -130,7 +135,11 @@ class Overlaps:
         own = np.flatnonzero(free & (other == self._own[node]))
         free[own] = ~_beside(self._nodes[node[own]], self._X[self._cells[cell[own]]])
         node, cell = _within(x, places, self._cells, self._dim, (node[free], cell[free]))
-        size = np.ptp(places[self._cells[cell]][..., : self._dim], axis=1).min(axis=1)
+        corners = places[self._cells[cell]]
+        i, j = np.triu_indices(corners.shape[1], 1)
+        size = np.linalg.norm(corners[:, i] - corners[:, j], axis=2).min(
+            axis=1
+        )  # of its shortest side, however it is turned
         return node.tolist(), self._body[self._cells[cell, 0]].tolist(), size.tolist()
 
     def _depths(self, pairs: list[tuple[int, int]], x: Floats, places: Floats) -> Floats:
