@@ -20,9 +20,12 @@ def walls_between(slave: Ring, master: Ring, part: Ints64, search: float = 0.0) 
     """Of facets of two surfaces; None where no two of them hang together. part: that of every local node of the mesh;
     search: how far what is behind the slave's walls is looked for, where it is [length]. Collective."""
     ours, theirs = (_parts(*side, part) for side in (slave, master))
-    if not np.isin(ours, theirs).any():
+    alike = bool(np.isin(ours, theirs).any())  # here, where few of the slave's facets may be
+    if not max(slave[0].comm.allgather(alike)):
         return None
     thick = _thick(slave, search) if search > 0.0 else np.full(len(ours), np.inf)
+    if not alike:
+        return None
     return Walls(*_placed(*slave), ours, thick, (*_placed(*master), theirs))
 
 
