@@ -50,8 +50,8 @@ def test_what_bends_is_told_whatever_its_modulus_and_a_block_that_is_pressed_is_
         scene.fix("xmin")
         scene.fix("xmax", "z")
         result = solve(scene, stages=[Stage("aside", prescribe={("xmax", "z"): 0.5}, steps=2)]).require()
-        found.append([note for note in result.verdict.notes if "varies within" in note])
-    assert len(found[0]) == 1 and found[0] == found[1]
+        found.append([note.split(", most at")[0] for note in result.verdict.notes if "varies within" in note])
+    assert len(found[0]) == 1 and found[0] == found[1]  # of cells that are alike rounding says which is the first
     mesh = read_gmsh(box.build, size=(2.0, 2.0, 1.0), cells=(3, 3, 2))
     scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)))
     scene.fix("zmin")
