@@ -4,7 +4,7 @@ another cell, which planes through corners do not say."""
 import gmsh
 import numpy as np
 
-from fenics_contact.meetings import hashes
+from fenics_contact.meetings import hashes, place_of
 from fenics_contact.types import Array, Floats, Ints64
 
 _STRAIGHT = {"Triangle": 2, "Quadrilateral": 3, "Tetrahedron": 4, "Hexahedron": 5}  # gmsh's types of cells of corners alone
@@ -31,19 +31,15 @@ def refuse_ambiguous(kind: int, cells: Ints64, X: Floats) -> None:
     if len(twofold := np.unique(cells[of_node[cells] != between])):
         raise ValueError(
             f"{len(twofold)} nodes are in the middle of a side or an edge of one cell, and of another one at a corner or in "
-            f"another middle, the first at {_place(X[twofold[0]])}: the cells do not meet side to side; bond bodies with "
+            f"another middle, the first at {place_of(X[twofold[0]])}: the cells do not meet side to side; bond bodies with "
             "gmsh.model.occ.fragment before meshing, or leave their nodes unmerged and state a contact"
         )
     _, first, times = np.unique(of_node, return_index=True, return_counts=True)
     if len(doubled := np.sort(first[times > 1])):
         raise ValueError(
             f"{len(doubled)} sides or edges have a middle node for each of the cells around, the first at "
-            f"{_place(X[doubled[0]])}; merge nodes by gmsh.model.mesh.removeDuplicateNodes() after setOrder(2), not before"
+            f"{place_of(X[doubled[0]])}; merge nodes by gmsh.model.mesh.removeDuplicateNodes() after setOrder(2), not before"
         )
-
-
-def _place(x: Floats) -> str:
-    return "({:.4g}, {:.4g}, {:.4g})".format(*x)
 
 
 def reaching(kind: int, own: Floats, sides: Ints64, others: Floats) -> Array:

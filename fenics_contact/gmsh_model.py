@@ -11,7 +11,7 @@ import numpy as np
 
 from fenics_contact.curved import reaching, refuse_ambiguous
 from fenics_contact.folded import Folded, folded
-from fenics_contact.meetings import Meeting, joined_by_nodes, key, meetings
+from fenics_contact.meetings import Meeting, joined_by_nodes, key, meetings, place_of
 from fenics_contact.mesh_files.load import load, refuse_without_cells
 from fenics_contact.types import Array, Floats, Ints64
 
@@ -203,11 +203,10 @@ def hand_over(processes: int = 1) -> Groups:
 
     corners = rows[:, : _FACES[shape].max() + 1]
     if processes > 1 and len(nodes := joined_by_nodes(corners, face_keys, len(used))):
-        place = ", ".join(f"{x:.4g}" for x in X[nodes[0]])
         raise ValueError(
-            f"parts of the mesh have {len(nodes)} nodes in common, but no side of cells, the first at ({place}): dolfinx "
-            "may wait for ever for what several processes share there; run it on one, give each part nodes of its own, or "
-            "mesh both sides of the seam alike"
+            f"parts of the mesh have {len(nodes)} nodes in common, but no side of cells, the first at "
+            f"{place_of(X[nodes[0]])}: dolfinx may wait for ever for what several processes share there; run it on one, "
+            "give each part nodes of its own, or mesh both sides of the seam alike"
         )
     doubled, touching = meetings(X, corners, _FACES[shape], face_keys, groups_of, reaches)
     volume_tags = {name: number for number, name in enumerate(volumes, 1)}  # not the script's: forms are compiled by them

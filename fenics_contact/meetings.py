@@ -46,6 +46,11 @@ def hashes(nodes: Ints64) -> Array:
     return x ^ (x >> np.uint64(31))
 
 
+def place_of(x: Floats) -> str:
+    """A place (3,) as text."""
+    return "({:.4g}, {:.4g}, {:.4g})".format(*x)
+
+
 def meetings(
     X: Floats, cells: Ints64, shape: Ints64, face_keys: Array, groups_of: Callable[[int], Side], reaches: Reaches
 ) -> tuple[tuple[Meeting, ...], tuple[Meeting, ...]]:
@@ -85,10 +90,10 @@ def joined_by_nodes(cells: Ints64, face_keys: Array, count: int) -> Ints64:
 def _refuse_crowded(faces: Ints64, X: Floats) -> None:
     """These faces (n, k) have three cells or more: none may be."""
     if len(faces):
-        place = ", ".join(f"{x:.4g}" for x in X[faces[0]].mean(axis=0))
         raise ValueError(
-            f"sides of cells have more than two cells, {len(faces)} of them, the first at ({place}): cells lie on one "
-            "another there, or the side has collapsed; draw and mesh each place once"
+            f"sides of cells have more than two cells, {len(faces)} of them, the first at "
+            f"{place_of(X[faces[0]].mean(axis=0))}: cells lie on one another there, or the side has collapsed; draw and "
+            "mesh each place once"
         )
 
 

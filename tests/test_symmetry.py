@@ -18,7 +18,7 @@ from fenics_contact import (
     rigid_surface,
     solve,
 )
-from fenics_contact.meshes import box, rectangles
+from fenics_contact.meshes import box, rectangles, tubes
 from fenics_contact.scene.build import build
 
 pytestmark = pytest.mark.parallel
@@ -154,34 +154,12 @@ def test_a_rough_lid_at_rest_over_a_strip_that_is_stretched_is_told(friction, st
     assert notes == [not alike] * 2 and alike == (friction == 0.0 or stretch == 0.0), (notes, forces)
 
 
-def quarter_tubes(around):
-    """A quarter tube of radii 1 and 2, and one of 2.05 and 3 around it, 3 long in three cells."""
-    geo, found = gmsh.model.geo, {}
-    for name, radii, cells in (("inner", (1.0, 2.0), around), ("outer", (2.05, 3.0), around + 1)):
-        places = ((0, 0), *((r, 0) for r in radii), *((0, r) for r in radii[::-1]))
-        o, a, b, c, d = (geo.addPoint(x, y, 0) for x, y in places)
-        sides = [geo.addLine(a, b), geo.addCircleArc(b, o, c), geo.addLine(c, d), geo.addCircleArc(d, o, a)]
-        base = geo.addPlaneSurface([geo.addCurveLoop(sides)])
-        for side, count in zip(sides, (1, cells, 1, cells), strict=True):
-            geo.mesh.setTransfiniteCurve(side, count + 1)
-        geo.mesh.setTransfiniteSurface(base)
-        geo.mesh.setRecombine(2, base)
-        _, (_, volume), *swept = geo.extrude([(2, base)], 0, 0, 3.0, [3], recombine=True)
-        sides = ("symmetry_y", f"{name}_outside", "symmetry_x", f"{name}_inside")
-        found[3, name] = [volume]
-        for side, (_, tag) in zip(sides, swept, strict=True):
-            found.setdefault((2, side), []).append(tag)
-    geo.synchronize()
-    for (dim, name), tags in found.items():
-        gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, tags), name)
-    gmsh.model.mesh.generate(3)
-
-
 @pytest.mark.parametrize("around", [4, 8])
 @pytest.mark.parametrize("slave, master", [("inner_outside", "outer_inside"), ("outer_inside", "inner_outside")])
 def test_a_round_side_goes_on_across_its_planes_of_symmetry(slave, master, around):
     """A quarter tube in another: its facets lean from the planes by up to 11 degrees. Its ends along the axis are ends."""
-    mesh = read_gmsh(quarter_tubes, around=around)
+    drawn = {"inner": (1.0, 2.0, around, 1), "outer": (2.05, 3.0, around + 1, 1)}
+    mesh = read_gmsh(tubes.build, tubes=drawn, depth=3.0, layers=3)
     law = neo_hooke(1.0, 5.0)
     scene = Scene(Body(mesh, "inner", law), Body(mesh, "outer", law))
     scene.fix("symmetry_x", "x")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.normals import CREASE, corner_angles, grouped_corners
 from fenics_contact.kernels.quadratic import LINE, QUADRILATERAL, STRIP, TRIANGLE
 from fenics_contact.types import Floats, Ints64
@@ -57,9 +58,8 @@ def _arcs(surface: FacetSurface) -> tuple[Floats, Floats]:
     group, cosine = np.empty((count, 3), dtype=np.int64), np.cos(np.radians(CREASE))
     starts, facets, places = grouped_corners(X, triangles, GRADIENTS, area > 0.0, cosine, group)
     angles = corner_angles(X, triangles, 3, facets, places)
-    unit = across / np.maximum(area, 1e-300)[:, None]
-    sums = np.add.reduceat(angles[:, None] * unit[facets], starts[:-1])
-    normals = (sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300))[group]
+    sums = np.add.reduceat(angles[:, None] * unit(across)[facets], starts[:-1])
+    normals = unit(sums)[group]
     sides = np.roll(X[triangles], -1, axis=1) - X[triangles]
     first, last = -(sides * normals).sum(axis=2), (sides * np.roll(normals, -1, axis=1)).sum(axis=2)
     both = np.maximum(first * last, 0.0)

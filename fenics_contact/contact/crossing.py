@@ -9,6 +9,7 @@ from mpi4py import MPI
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.led import FIXED
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
+from fenics_contact.contact.unit import unit
 from fenics_contact.contact.walls import walls_at
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.closest_point import EDGE, VERTEX, closest_points
@@ -185,8 +186,7 @@ class Crossing:
         and out again, they have no node behind them. Only those on the border and those that stand out do so first."""
         mine = np.arange(self._comm.rank, len(one.edges), self._comm.size)
         edges, beside = one.edges[mine], one.beside[mine]
-        normals, first = area_vectors(x[one.corners]), x[edges[:, 0]]
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals, first = unit(area_vectors(x[one.corners])), x[edges[:, 0]]
         n, m = normals[beside[:, 0]], normals[beside[:, 1]]
         behind = np.einsum("nc,nc->n", x[one.corners[beside[:, 1]]].mean(axis=1) - first, n) < 0.0
         stands = behind & (np.linalg.norm(np.cross(n, m), axis=1) > BLUNT)
@@ -195,10 +195,8 @@ class Crossing:
         some, parts = some[within := parts[:, 1] > parts[:, 0]], parts[within]
         t = (parts[:, :1] + (parts[:, 1:] - parts[:, :1]) * ALONG_EDGE).reshape(-1, 1)
         some = np.repeat(some, len(ALONG_EDGE))
-        (points, X), facets = (
-            ((1.0 - t) * z[edges[some, 0]] + t * z[edges[some, 1]] for z in (x, one.surface.X)),
-            beside[some],
-        )
+        points, X = ((1.0 - t) * z[edges[some, 0]] + t * z[edges[some, 1]] for z in (x, one.surface.X))
+        facets = beside[some]
         near, size = np.searchsorted(one.nodes, edges[some, 0]), one.shortest[facets].min(axis=1, initial=np.inf)
         return _Asked(points, n[some] + m[some], X, near, size, one.of[facets[:, 0]])
 
@@ -208,7 +206,7 @@ class Crossing:
         points, normals = asked.points, asked.normals
         if self._plane:
             points, normals = points * [1.0, 1.0, 0.0], normals * [1.0, 1.0, 0.0]
-        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = unit(normals)
         n, search = len(points), REACH * float(np.max(other.around, initial=0.0))
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         gap, out = np.empty(n), np.empty((n, 3))

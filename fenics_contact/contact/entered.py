@@ -6,6 +6,7 @@ import numpy as np
 
 from fenics_contact.contact.passing import facet_tangents, tool_distances, tool_normals
 from fenics_contact.contact.surface import Dense
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.rigid_element import ToolPose
 from fenics_contact.types import Bools, Floats, Ints64
 
@@ -51,7 +52,7 @@ def entered(dense: Dense, x: Floats, points: Floats, tool: ToolPose, nearly: flo
         normals = np.cross(tangents[:, 0], tangents[:, 1])
     else:
         normals = np.einsum("nk,nkc->nc", dense.a[dense.kind[near], deepest], outward[near])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = unit(normals)
     way = nearly * DEEP * np.linalg.norm(points[near] - place[:, None], axis=2).min(axis=1, initial=np.inf)
     behind = np.einsum("nc,nc->n", tool_normals(place, tool), normals) > nearly * FACING
     deep = tool_distances(place - way[:, None] * normals, tool) < 0.0

@@ -15,6 +15,7 @@ from fenics_contact.contact.node_places import NodePlaces, ends_at
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
 from fenics_contact.contact.partner import weighed
 from fenics_contact.contact.samples import Samples
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.foreseen import WEIGHT
@@ -71,9 +72,9 @@ class MortarPartner(OnFacets):
 
     def put_sites(self, values: dict[str, Array], state: State) -> None:
         """Take samples where they were. Collective."""
-        samples = Samples(self.places.around, *self.places.around.unpacked(values["samples"]))
         coords = np.concatenate([self.places.skin.positions(state), self.places.master.positions(state)])
-        self.places.use(samples, ends_at(self.places, coords)[0])
+        sites, steered = self.places.around.unpacked(values["samples"])
+        self.places.use(Samples(self.places.around, sites, ends_at(self.places, coords)[0], steered))
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
         """The law of friction at these feet, with what directions it has there."""
@@ -209,7 +210,7 @@ class MortarPartner(OnFacets):
         felt = [np.linalg.norm(part, axis=2).sum() for part in (slid, slid - _dot(ours, slid) * ours)]
         near = np.isin(number, np.unique(around.number[around.tips.any(axis=1)]))
         all_over = [part.sum(axis=(0, 1)) for part in (apart, load * theirs)]
-        along = _dot(apart, t / np.maximum(np.linalg.norm(t, axis=2, keepdims=True), 1e-300))[..., 0] * slips
+        along = _dot(apart, unit(t))[..., 0] * slips
         return np.concatenate([apart[near].sum(axis=0), *all_over, [load.sum()], felt, [along[near].sum(), along.sum()]])
 
 

@@ -12,11 +12,12 @@ from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
-from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
+from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind
 from fenics_contact.contact.pairing import Pairing, Watch, seek_in_sight
 from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
 from fenics_contact.contact.seams import abutting, slits
 from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.unit import unit
 from fenics_contact.contact.walls import walls_between
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
@@ -86,7 +87,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         straight = isinstance(master, MasterSurface) and not master.whole
         self.parted = straight and slits(master.corners, master.X) is not None
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
-        self.use(Samples(self.around, self.around.whole), ends_at(self, np.concatenate([skin.X, master.X]))[0])
+        ends, _ = ends_at(self, np.concatenate([skin.X, master.X]))
+        self.use(Samples(self.around, self.around.whole, ends))
         self.bends = _drawn(self)
 
     def resampled(self, then: MortarFeet, now: MortarFeet, slides: Floats | None) -> MortarFeet:
@@ -101,7 +103,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             normals, _ = self.around.normals(now.coords)
             ends, beyond = ends_at(self, now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, beyond), MARGIN * self.master.edge)
-            self.use(Samples(self.around, sites), ends)
+            self.use(Samples(self.around, sites, ends))
             feet = self._at(then.coords, then.pose, partial(self.sights.pairing.project, timers=self.timers))
             if slides is not None and self._aside is not None:
                 self.samples = self.samples.pressing(*self._aside[1])
@@ -120,9 +122,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             theirs = unit(np.einsum("qi,qic->qc", feet.met[9][:, 0, : corners.shape[1]], corners))
         return theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
 
-    def use(self, samples: Samples, ends: Ends | None = None) -> None:
-        """Meet the master through these samples; ends: where it ends for them, if that is not told yet."""
-        samples.ends = samples.ends if ends is None else ends
+    def use(self, samples: Samples) -> None:
+        """Meet the master through these samples."""
         self.samples, self._feet = samples, None
         walled = None if self._walls is None else (samples.slaves.facet, self._walls)
         self.sights = Sights(self.facets, self._corners, self.search, MARGIN * self.master.edge, walled)
@@ -154,7 +155,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         N = np.empty((n, 3, self.facets[0].shape[1]))
         foot_shapes(np.arange(n), self.facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
-        coverage(coords, (points, s.corners, s.rims), (self._corners, s.ends or self.ends), sight, projection, cover)
+        coverage(coords, (points, s.corners, s.rims), (self._corners, s.ends), sight, projection, cover)
         frames = np.empty((n, 5, 3))
         kernel.fill_frames(coords, self.facets, projection, N, frames)
         return *projection, *cover, N, frames
@@ -247,7 +248,7 @@ def _alone(normals: Floats, x: Floats) -> Floats:
     lean = _across(normals, _flat(x))
     kept, whole = np.full((2, *lean.shape[:2]), NONE_LEANS**2)
     for to in (1, -1):
-        side = unit((np.roll(x, -to, axis=1) - x).reshape(-1, 3)).reshape(x.shape)
+        side = unit(np.roll(x, -to, axis=1) - x)
         one, other = (lean * side).sum(axis=2), -(np.roll(lean, -to, axis=1) * side).sum(axis=2)
         both, whole = np.maximum(one * other, 0.0), whole + one * one
         kept += one * one * np.minimum(2.0 * both / np.maximum(one * one + both, 1e-300), 1.0)
@@ -277,7 +278,7 @@ def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
     facet has as a whole, so that they hang on the state then alone; and how much of it (nf, m) where corners press: all at
     ends and creases, elsewhere where nodes slide on a master that is flatter than the slave was drawn. On one as round the
     slave's normals are as good, and turn with the slave, where the master's are those of another place a step later."""
-    places.use(whole := Samples(places.around, places.around.whole), ends_at(places, then.coords)[0])
+    places.use(whole := Samples(places.around, places.around.whole, ends_at(places, then.coords)[0]))
     feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
     theirs, table = places.master_normals(feet), whole.table
     aside, sees, ends = _aside(places, feet, theirs)

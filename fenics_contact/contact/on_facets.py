@@ -19,6 +19,7 @@ from fenics_contact.contact.meeting import Sights
 from fenics_contact.contact.pairing import Watch
 from fenics_contact.contact.partner import PointPressures
 from fenics_contact.contact.surface import Beside, SlaveSurface
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.closest_point import Projection
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.quadratic import foot_shapes
@@ -201,11 +202,6 @@ def own(anchors: Anchors) -> tuple[Ints64, Floats]:
     """Anchors on facets: nodes (np, 4), local numbers, and their weights (np, 4)."""
     nodes, weights = anchors
     return nodes, weights
-
-
-def unit(vectors: Floats) -> Floats:
-    """Vectors (n, 3) of length one; zero ones stay."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
 
 
 def seen_from_behind(comm: MPI.Comm, points: Floats, normals: Floats, corners: Floats, near: float) -> float:

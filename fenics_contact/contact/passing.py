@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_contact.contact.tools import RigidTool
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.rigid_element import ToolPose, distances, point_normals
 from fenics_contact.types import Bools, Floats, Ints64
 
@@ -52,8 +53,7 @@ class Ways(NamedTuple):
         """Unit normals (m, 3) out of the body there."""
         then, now = self.tangents[:, some]
         along = then + share[:, None, None] * (now - then)
-        normal = np.cross(along[:, 0], along[:, 1])
-        return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        return unit(np.cross(along[:, 0], along[:, 1]))
 
     def back(self) -> "Ways":
         """The same ways from their ends."""

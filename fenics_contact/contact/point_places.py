@@ -11,9 +11,10 @@ from fenics_contact.assembly.term import State
 from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
-from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind, unit
+from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind
 from fenics_contact.contact.pairing import Pairing, Seek, Watch, seek_along_normals, seek_closest
 from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.deformable_element import slave_points
 from fenics_contact.kernels.quadratic import foot_shapes

@@ -5,9 +5,9 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.facet_points import ACROSS
 from fenics_contact.assembly.term import State
-from fenics_contact.contact.on_facets import unit
 from fenics_contact.contact.pairing import Pairing, Seek, seek_on_quadratic
 from fenics_contact.contact.point_places import PointPlaces
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.closest_point import Lists, Projection
 from fenics_contact.kernels.facets import PlacedSurface
 from fenics_contact.types import Floats, Ints

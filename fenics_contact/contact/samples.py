@@ -9,6 +9,7 @@ import numpy as np
 
 from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.contact.surface import SlaveSurface
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.coverage import Ends
 from fenics_contact.kernels.mortar import Slaves, sample_places
@@ -137,7 +138,7 @@ class SlaveFacets:
         positions coords (nx, 3); normals (ng, 3) of the groups."""
         around = candidates(coords[self.corners].mean(axis=1), coords, *master[0], search + self._skin.longest)
         near, mean = (around, search), normals[self.group].sum(axis=1)
-        slave = self.corners, mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+        slave = self.corners, unit(mean)
         first, kernel = np.empty(len(self.nodes) + 1, dtype=np.int64), (coords, slave, master, near, self._rules)
         while True:
             places, weights = np.empty((self._room, 2)), np.empty(self._room)
@@ -175,8 +176,8 @@ class SlaveFacets:
         ways[n:] = ways[:n][: len(ways) - n]  # far nodes of strips are the near ones
         sides = [1, 3] if skin.section is not None else range(4)  # a strip has no ends across
         pairs = np.concatenate([ring[:, [i, (i + 1) % 4]] for i in sides])
-        across = np.cross(skin.X[pairs[:, 1]] - skin.X[pairs[:, 0]], np.tile(area_vectors(skin.X[ring]), (len(sides), 1)))
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        out = np.tile(area_vectors(skin.X[ring]), (len(sides), 1))
+        across = unit(np.cross(skin.X[pairs[:, 1]] - skin.X[pairs[:, 0]], out))
         _, where, times = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True, return_counts=True)
         moves = np.linalg.norm(np.einsum("eifc,ec->eif", ways[pairs], across), axis=2).max(axis=1, initial=0.0)
         ends = (pairs[:, 0] != pairs[:, 1]) & (times[where.ravel()] == 1) & (moves > MIRRORED)
@@ -209,10 +210,8 @@ class Samples:
     they have theirs; steered: None: they press along their normals; ends: where the master ends for them.
     """
 
-    ends: Ends | None = None
-
-    def __init__(self, around: SlaveFacets, sites: Sites, steered: Steered | None = None) -> None:
-        (first, places, weights), self.sites = sites, sites
+    def __init__(self, around: SlaveFacets, sites: Sites, ends: Ends, steered: Steered | None = None) -> None:
+        (first, places, weights), self.sites, self.ends = sites, sites, ends
         facet, m = np.repeat(np.arange(len(around.nodes)), np.diff(first)), around.corners.shape[1]
         (N, _), (shape, self._gradients) = corner_shapes(m, places), around.shapes(places)
         area = _weighed(around, facet, N, around.areas(facet, places, weights))

@@ -13,6 +13,7 @@ import numpy as np
 
 from fenics_contact.contact.master import area_vectors
 from fenics_contact.contact.tools import Slits
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.coverage import beyond_edges
 from fenics_contact.kernels.facets import Surface
@@ -101,8 +102,7 @@ def abutting(surface: Surface, X: Floats) -> Abutting:
     pairs = _beside(nodes, size, X, apart)
     start, end = X[pairs.ends[:, 0]], X[pairs.ends[:, 1]]
     off = X[pairs.node] - start - (pairs.at / pairs.length)[:, None] * (end - start)
-    normal = area_vectors(X[nodes[pairs.facet]])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal = unit(area_vectors(X[nodes[pairs.facet]]))
     step = np.einsum("pc,pc->p", off, normal)
     allowed = np.minimum(apart[pairs.node], apart[pairs.ends].min(axis=1))
     near = (np.abs(step) <= allowed) & (np.linalg.norm(off - step[:, None] * normal, axis=1) <= APART / STEP * allowed)
@@ -183,8 +183,7 @@ def _beside(nodes: Ints64, size: Ints64, X: Floats, margin: Floats) -> _Beside:
     """Those nearer than the greatest margin (nx,) of these nodes, along each axis."""
     facet, edges = _open(nodes, size)
     way, middles = X[edges[:, 1]] - X[edges[:, 0]], X[nodes].mean(axis=1)
-    out = np.cross(way, area_vectors(X[nodes])[facet])
-    unit, out = (rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300) for rows in (way, out))
+    along, out = unit(way), unit(np.cross(way, area_vectors(X[nodes])[facet]))
     none = np.empty(0, dtype=np.int64)
     found = [(none, none, none)]
     for first in range(0, 2 * len(edges), MANY):
@@ -192,15 +191,15 @@ def _beside(nodes: Ints64, size: Ints64, X: Floats, margin: Floats) -> _Beside:
         p, e = _boxed(ends, edges, X, margin[edges].max())
         v, other = ends[p], (first + p) // 2
         there = middles[facet[other]] - X[v]
-        there -= np.einsum("pc,pc->p", there, unit[e])[:, None] * unit[e]
+        there -= np.einsum("pc,pc->p", there, along[e])[:, None] * along[e]
         keep = np.einsum("pc,pc->p", there, out[e]) > FACING * np.linalg.norm(there, axis=1)
-        keep &= np.abs(np.einsum("pc,pc->p", unit[other], unit[e])) > ALONG
+        keep &= np.abs(np.einsum("pc,pc->p", along[other], along[e])) > ALONG
         keep &= (nodes[facet[e]] != v[:, None]).all(axis=1)
         found.append((v[keep], e[keep], other[keep]))
     v, e, other = (np.concatenate(rows) for rows in zip(*found, strict=True))
     length = np.linalg.norm(way[e], axis=1)
-    at = np.clip(np.einsum("pc,pc->p", X[v] - X[edges[e, 0]], unit[e]), 0.0, length)
-    off = np.linalg.norm(X[v] - X[edges[e, 0]] - at[:, None] * unit[e], axis=1)
+    at = np.clip(np.einsum("pc,pc->p", X[v] - X[edges[e, 0]], along[e]), 0.0, length)
+    off = np.linalg.norm(X[v] - X[edges[e, 0]] - at[:, None] * along[e], axis=1)
     return _Beside(facet[e], edges[e], length, v, other, at, off)
 
 

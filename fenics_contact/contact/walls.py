@@ -9,6 +9,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.contact.master import MasterSurface, area_vectors
 from fenics_contact.contact.passing import facet_tangents
+from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.broad_phase import candidates
 from fenics_contact.kernels.coverage import FACING, SHUT, Walls
 from fenics_contact.types import Floats, Ints64
@@ -59,7 +60,7 @@ def walls_at(nodes: Ints64, slave: Ring, master: Ring, part: Ints64) -> list[Wal
     np.maximum.at(sizes, ring, walls.sizes[:, None])
     parts[ring] = walls.parts[:, None]
     place = surface.X[nodes], sizes[nodes], parts[nodes].astype(np.int64), np.full(len(nodes), np.inf)
-    both = _unit(normals)[nodes], _unit(_others(surface, normals))[nodes]
+    both = unit(normals)[nodes], unit(_others(surface, normals))[nodes]
     return [Walls(place[0], directions, *place[1:], walls.others) for directions in both]
 
 
@@ -80,11 +81,6 @@ def _others(surface: MasterSurface, normals: Floats) -> Floats:
     return np.tile(out, (len(surface.X) // len(out), 1))  # far nodes of strips are the near ones
 
 
-def _unit(vectors: Floats) -> Floats:
-    """Of length one (n, 3); zero ones stay."""
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
-
-
 def _parts(surface: MasterSurface, ring: Ints64, part: Ints64) -> Ints64:
     """Of facets (nf,). Collective."""
     near = surface.gathered(np.tile(part[surface.owned, None], 3).astype(float))[:, 0].astype(np.int64)
@@ -95,4 +91,4 @@ def _placed(surface: MasterSurface, ring: Ints64) -> tuple[Floats, Floats, Float
     """Middles (nf, 3), unit normals (nf, 3) and longest sides (nf,) of facets with corners (nf, 4) as they were drawn."""
     X = surface.X[ring]
     area, sides = area_vectors(X), np.linalg.norm(X - np.roll(X, 1, axis=1), axis=2)
-    return X.mean(axis=1), _unit(area), sides.max(axis=1, initial=0.0)
+    return X.mean(axis=1), unit(area), sides.max(axis=1, initial=0.0)

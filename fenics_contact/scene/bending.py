@@ -43,11 +43,10 @@ def bending_notes(scene: "Scene", system: System) -> list[str]:
     if scene.degree != 1 or compat.cell_name(scene.mesh.domain) not in ("quadrilateral", "hexahedron"):
         return []
     owned, tags = compat.cell_map(scene.mesh.domain).size_local, scene.mesh.cell_tags
-    found = {}
+    X, found = system.space.tabulate_dof_coordinates(), {}
     for body in scene.bodies:
         cells = tags.indices[(tags.values == scene.mesh.volume_tag(body.group)) & (tags.indices < owned)]
-        here = _strain(system, cells)
-        parts = system.comm.allgather(here)
+        parts = system.comm.allgather(_strain(system, X, cells))
         worst = max(parts, key=lambda part: part.most)
         found[body.group] = _Strain(sum(p.varies for p in parts), sum(p.whole for p in parts), worst.at, worst.most)
     moduli = {body.group: body.material.shear_modulus for body in scene.bodies}
@@ -62,16 +61,15 @@ def bending_notes(scene: "Scene", system: System) -> list[str]:
     ]
 
 
-def _strain(system: System, cells: Ints) -> _Strain:
-    """The sums over these cells."""
+def _strain(system: System, X: Floats, cells: Ints) -> _Strain:
+    """The sums over these cells of nodes at X (n, 3) in the reference."""
     space = system.state.u.function_space
     name, dim = compat.cell_name(space.mesh), space.mesh.topology.dim
     line = 0.5 + 0.5 * np.polynomial.legendre.leggauss(2)[0]
-    points = np.stack(np.meshgrid(*dim * [line], indexing="ij"), axis=-1).reshape(
-        -1, dim
-    )  # of weights that are all the same
+    # of weights that are all the same
+    points = np.stack(np.meshgrid(*dim * [line], indexing="ij"), axis=-1).reshape(-1, dim)
     gradients = np.ascontiguousarray(compat.tabulate(compat.basix_element(name, 1), 1, points)[1:].transpose(1, 0, 2))
-    X, u = space.tabulate_dof_coordinates(), system.state.u.x.array.reshape(-1, space.dofmap.index_map_bs)
+    u = system.state.u.x.array.reshape(-1, space.dofmap.index_map_bs)
     dofs, varies, whole = compat.cell_dofs(space)[cells], 0.0, 0.0
     at, most = np.zeros(3), -1.0
     for first in range(0, len(cells), MANY):
