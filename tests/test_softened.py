@@ -1,5 +1,7 @@
 """Steps solved with softer penalties first: a thin strap with no number typed; nothing of the way stays in the result."""
 
+import re
+
 import numpy as np
 import pytest
 from by_node import displacements, of_all
@@ -76,9 +78,11 @@ def test_a_resumed_run_knows_that_softer_penalties_help(tmp_path):
     whole, part = go("whole", 4), go("parts", 3)
     assert any("softer penalties first" in note for note in part.verdict.notes)
     resumed = go("parts", 4, resume=True)
-    if COMM.size == 1:  # on several the solver's sums differ from run to run
+    if COMM.size == 1:  # on several the solver's sums differ from run to run, and what iterates that fail leave with them
         assert resumed.column("iterations").tolist() == whole.column("iterations").tolist()
-    assert resumed.verdict.notes == whole.verdict.notes
+        assert resumed.verdict.notes == whole.verdict.notes
+    left = re.compile(r"left \S+ of the force")
+    assert [left.sub("", note) for note in resumed.verdict.notes] == [left.sub("", note) for note in whole.verdict.notes]
 
 
 def ball():
