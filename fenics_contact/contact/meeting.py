@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from fenics_contact.assembly.pose import Pose
-from fenics_contact.contact.pairing import Pairing, Walled, seek_in_sight
+from fenics_contact.contact.pairing import Pairing, Walled, in_sight
 from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
@@ -59,16 +59,16 @@ class Sights:
     it is judged.
     """
 
-    def __init__(self, facets: Surface, corners: Surface, search: float, margin: float, walled: Walled | None) -> None:
-        self._facets, self._corners, self._limits = facets, corners, (search, margin, walled)
-        self._free = self.pairing = Pairing(facets, seek_in_sight(corners), search, margin, walled)
+    def __init__(self, facets: Surface, corners: Surface, search: float, walled: Walled | None) -> None:
+        self._facets, self._corners, self._search, self._walled = facets, corners, search, walled
+        self._free = self.pairing = Pairing(facets, in_sight(corners), search, walled=walled)
         self.held: Sight | None = None
         self._accepted: tuple[Sight | None, Pairing] = None, self.pairing
 
     def hold(self, feet: MortarFeet) -> None:
         """From the next change of the state on, until `free`."""
         self.held = feet.projection[5], feet.coords
-        self.pairing = Pairing(self._facets, seek_in_sight(self._corners, self.held), *self._limits)
+        self.pairing = Pairing(self._facets, in_sight(self._corners, self.held), self._search, walled=self._walled)
 
     def free(self) -> None:
         """From the next change of the state on."""

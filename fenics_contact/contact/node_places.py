@@ -13,7 +13,7 @@ from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind
-from fenics_contact.contact.pairing import Pairing, Watch, seek_in_sight
+from fenics_contact.contact.pairing import Pairing, Watch, in_sight
 from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
 from fenics_contact.contact.seams import abutting, slits
 from fenics_contact.contact.surface import SlaveSurface
@@ -126,7 +126,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         """Meet the master through these samples."""
         self.samples, self._feet = samples, None
         walled = None if self._walls is None else (samples.slaves.facet, self._walls)
-        self.sights = Sights(self.facets, self._corners, self.search, MARGIN * self.master.edge, walled)
+        self.sights = Sights(self.facets, self._corners, self.search, walled)
 
     def _met(self, state: State) -> MortarFeet:
         return self._feet_at(state, lambda x, n, coords: self.sights.pairing.project(x, n, coords, self.timers))
@@ -164,7 +164,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         """Gaps (ns,), the least of the samples around them, at an image of the nodes, endless without a partner."""
         coords = np.concatenate([image.of(feet.coords[: self.first]), feet.coords[self.first :]])
         # an image of a wall may meet that wall's other side
-        pairing = Pairing(self.facets, seek_in_sight(self._corners), self.search, 0.0)
+        pairing = Pairing(self.facets, in_sight(self._corners), self.search)
         there = self._at(coords, feet.pose, lambda x, n, at: pairing.far(x, n, at, self.search))
         table = there.samples.table
         return np.asarray(np.where(there.seated, there.projection[4][table], np.inf).min(axis=1))

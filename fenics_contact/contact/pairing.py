@@ -1,17 +1,18 @@
 """Pairing of slave points with the facet of the master surface that is nearest to each."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
 from fenics_contact.kernels import coverage
-from fenics_contact.kernels.broad_phase import candidates
+from fenics_contact.kernels.broad_phase import candidates, candidates_along, facet_balls
 from fenics_contact.kernels.closest_point import Lists, Projection, closest_points
 from fenics_contact.kernels.facets import MAX_NODES, PlacedSurface, Surface
 from fenics_contact.kernels.quadratic import quadratic_rays
-from fenics_contact.kernels.slave_ray import facet_directions, slave_rays
+from fenics_contact.kernels.slave_ray import slave_rays
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Ints64
 
@@ -20,10 +21,10 @@ FACING = 0.0  # cosine of outward normals above which a facet looks the slave's 
 # by less, and a point that far outside has left.
 BEYOND = 0.1
 FAR_BEYOND = 1.0  # the same for samples, of which some lies over the master while they miss it by less than their own size
+# Of a facet's radius: what lies on it is no farther from its middle, curved ones included
+WIDER = 1.1
 
 Walled = tuple[Ints64, coverage.Walls]
-# points, their normals, coords and facets of the master, lists, search, projection to fill
-Seek = Callable[[Floats, Floats, PlacedSurface, Lists, float, Projection], None]
 
 
 class Watch:
@@ -44,18 +45,32 @@ class Watch:
         return bool(moved[0])
 
 
+class Seek(NamedTuple):
+    """What finds partners.
+
+    fill(points, normals, (coords, facets) of the master, lists, search, projection): fills the arrays of
+    kernels/closest_point.py; beyond: partners lie along normals, which may miss a facet by this share of its radius; None:
+    all around.
+    """
+
+    fill: Callable[[Floats, Floats, PlacedSurface, Lists, float, Projection], None]
+    beyond: float | None
+
+
 class Pairing:
     """Partners of slave points on a master surface within `search` [length].
 
-    facets: the master's (nodes, size); seek(points, normals, (coords, facets), lists, search, projection): what fills the
-    projection arrays of kernels/closest_point.py.
+    facets: the master's (nodes, size). walled: the slave's facet of each point (np,), and which facets of the master are the
+    other sides of these (kernels/coverage.py): they are no candidates.
 
-    Candidate lists are a cache: they hold all facets within search + margin and are renewed when points and facets have
-    moved by more than the margin since; no result depends on when. walled: the slave's facet of each point (np,), and which
-    facets of the master are the other sides of these (kernels/coverage.py): they are no candidates.
+    All around points, candidate lists are a cache: they hold all facets within search + margin and are renewed when points
+    and facets have moved by more than the margin since; no result depends on when. Along normals they are short, and made
+    as fast as read.
     """
 
-    def __init__(self, facets: Surface, seek: Seek, search: float, margin: float, walled: Walled | None = None) -> None:
+    def __init__(
+        self, facets: Surface, seek: Seek, search: float, margin: float = 0.0, walled: Walled | None = None
+    ) -> None:
         self.facets, self.seek, self.search, self.margin, self._walled = facets, seek, search, margin, walled
         self._lists: Lists | None = None
         self._places: tuple[Floats, Floats] | None = None
@@ -65,8 +80,9 @@ class Pairing:
         lists = self._lists
         if lists is None or self._strayed(points, coords):
             with timers("search"):
-                lists = self._lists = self._met(points, coords, self.search + self.margin)
-            self._places = points, coords
+                lists = self._met(points, normals, coords, self.search + self.margin)
+            if self.seek.beyond is None:
+                self._lists, self._places = lists, (points, coords)
         return self._sought(points, normals, coords, lists, self.search)
 
     def _strayed(self, points: Floats, coords: Floats) -> bool:
@@ -80,56 +96,52 @@ class Pairing:
 
     def far(self, points: Floats, normals: Floats, coords: Floats, search: float) -> Projection:
         """Projection with another search distance, nothing kept."""
-        return self._sought(points, normals, coords, self._met(points, coords, search), search)
+        return self._sought(points, normals, coords, self._met(points, normals, coords, search), search)
 
-    def _met(self, points: Floats, coords: Floats, search: float) -> Lists:
-        """Those lists without what no point can meet."""
-        lists = self.within(points, coords, search)
+    def _met(self, points: Floats, normals: Floats, coords: Floats, search: float) -> Lists:
+        """Lists of the facets that may be met within a distance, without what no point can meet."""
+        if self.seek.beyond is None:
+            lists = self.within(points, coords, search)
+        else:
+            centres, radii = facet_balls((coords, self.facets))
+            lists = candidates_along(points, normals, (centres, (WIDER + self.seek.beyond) ** 2 * radii), search)
         return lists if self._walled is None else coverage.in_front(lists, *self._walled, search)
 
     def _sought(self, points: Floats, normals: Floats, coords: Floats, lists: Lists, search: float) -> Projection:
         n = len(points)
         facet, kind, feature = (np.empty(n, dtype=np.int64) for _ in range(3))
         out = facet, kind, feature, np.empty((n, 2)), np.empty(n), np.empty((n, 3))
-        self.seek(points, normals, (coords, self.facets), lists, search, out)
+        self.seek.fill(points, normals, (coords, self.facets), lists, search, out)
         return out
 
 
-def seek_closest(
-    points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection
-) -> None:
-    """Closest point on the master, for slave nodes."""
+def _closest(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
     closest_points(points, normals, master, lists, (search, FACING), out)
 
 
-def seek_on_quadratic(
-    points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection
-) -> None:
-    """Where facets of degree 2 are met along given unit normals (np, 3) out of the slave."""
-    quadratic_rays(points, -normals, master, lists, (search, 0.0, FACING), out)
+# The closest point on the master, for slave nodes
+CLOSEST = Seek(_closest, None)
 
 
-def seek_in_sight(corners: Surface, held: coverage.Sight | None = None) -> Seek:
-    """Seeker along given unit normals (np, 3) out of the slave among the facets (their corners) that look towards the points
+def along_normals(beyond: float, quadratic: bool = False) -> Seek:
+    """Seeks along given unit normals (np, 3) out of the slave, which may miss facets by `beyond`; quadratic: facets are of
+    degree 2."""
+    rays = quadratic_rays if quadratic else slave_rays
+
+    def fill(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
+        rays(points, -normals, master, lists, (search, beyond, FACING), out)
+
+    return Seek(fill, beyond)
+
+
+def in_sight(corners: Surface, held: coverage.Sight | None = None) -> Seek:
+    """Seeks along given unit normals (np, 3) out of the slave among the facets (their corners) that look towards the points
     as a whole, for so their ends are found, too; held: in a sight that is held. By its slope at the foot alone a curved
     facet came and went under a sample, with all of its share."""
 
-    def seek(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
+    def fill(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
         rays = slave_rays if master[1][0].shape[1] == MAX_NODES else quadratic_rays
         seen = coverage.in_sight(lists, held or (-normals, master[0]), corners)
         rays(points, -normals, master, seen, (search, FAR_BEYOND, FACING), out)
 
-    return seek
-
-
-def seek_along_normals(nodes: Ints64, gradients: Floats, corners: bool) -> Seek:
-    """Seeker for points of facets: the slave facet's normal finds the master. nodes (np, k), gradients (np, 2, k); corners:
-    points may lie on the border of their surface."""
-    beyond = BEYOND if corners else 0.0
-
-    def seek(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
-        directions = np.empty((len(points), 3))
-        facet_directions(master[0], nodes, gradients, directions)
-        slave_rays(points, directions, master, lists, (search, beyond, FACING), out)
-
-    return seek
+    return Seek(fill, FAR_BEYOND)

@@ -12,20 +12,20 @@ from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind
-from fenics_contact.contact.pairing import Pairing, Seek, Watch, seek_along_normals, seek_closest
+from fenics_contact.contact.pairing import BEYOND, CLOSEST, Pairing, Seek, Watch, along_normals
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.deformable_element import slave_points
 from fenics_contact.kernels.quadratic import foot_shapes
+from fenics_contact.kernels.slave_ray import facet_directions
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Floats, Ints64, Space
 
 
 class FacetFeet(NamedTuple):
-    """Positions coords (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3) where
-    they say in which direction a slave node looks, else the points; pose: of a tool; the projection of
-    kernels/closest_point.py there."""
+    """Positions coords (nx, 3) of this rank's slave nodes, then of all master nodes; points (np, 3); normals (np, 3), along
+    which they look for the master; pose: of a tool; the projection of kernels/closest_point.py there."""
 
     coords: Floats
     points: Floats
@@ -63,11 +63,11 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         watched = np.unique(np.concatenate([slave, master.owned, self._ring.ravel()]))  # what positions rest on
         self._watch = Watch(self.comm, watched)
         self.pairing = Pairing(self.facets, self._seek(), search, MARGIN * master.edge)
-        self._closest = Pairing(self.facets, seek_closest, search, 0.0)  # of nodes between Gauss points
+        self._closest = Pairing(self.facets, CLOSEST, search)  # of nodes between Gauss points
 
     def _seek(self) -> Seek:
         s = self.surface
-        return seek_closest if s.gradients is None else seek_along_normals(self.nodes, self.gradients, s.corners)
+        return CLOSEST if s.gradients is None else along_normals(BEYOND if s.corners else 0.0)
 
     def _met(self, state: State) -> FacetFeet:
         coords, points, normals, _ = placed = self._placed(state)
@@ -93,8 +93,14 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         coords = np.concatenate([self._X[self.slave] + u.reshape(-1, 3)[self.slave], self.master.positions(state)])
         points = np.empty((s.area.size, 3))
         slave_points(coords, self.nodes, s.a.reshape(-1, s.a.shape[2]), points)
-        normals = points if s.gradients is not None else self._point_normals(u)
+        normals = self._outward(coords) if s.gradients is not None else self._point_normals(u)
         return coords, points, normals, self.master.pose(state)
+
+    def _outward(self, coords: Floats) -> Floats:
+        """Unit normals (np, 3) of the points' own facets, the nodes at coords."""
+        inward = np.empty((len(self.nodes), 3))
+        facet_directions(coords, self.nodes, self.gradients, inward)
+        return -inward
 
     def _point_normals(self, u: Floats) -> Floats:
         """Outward unit normals (np, 3) at the points, means of those of the facets around. Collective."""
@@ -159,9 +165,4 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
         coords, points, normals, pose = self._placed(state)
         if pose is None:
             return 0.0
-        s = self.surface
-        if s.gradients is not None:  # nodal normals are means of facets of degree 1
-            x = s.X + state.u.x.array.reshape(-1, 3)[s.nodes]
-            tangents = np.einsum("eqtk,ekc->eqtc", s.gradients, x).reshape(-1, 2, 3)
-            normals = unit(np.cross(tangents[:, 0], tangents[:, 1]))
-        return seen_from_behind(self.comm, points, normals, coords[self.facets[0]], s.cell_height)
+        return seen_from_behind(self.comm, points, normals, coords[self.facets[0]], self.surface.cell_height)

@@ -1,4 +1,4 @@
-"""Which facets may lie near which points: a hashed uniform grid of the facets' enlarged boxes.
+"""Which facets may lie near which points, or be met by which rays: a hashed uniform grid of the facets' enlarged boxes.
 
 The grid keeps only cells that a box touches, so memory and time grow with the number of facets, not with the
 volume they enclose.
@@ -7,6 +7,9 @@ volume they enclose.
 import numpy as np
 from numba import njit
 
+from fenics_contact.kernels.closest_point import Lists
+from fenics_contact.kernels.facets import PlacedSurface
+from fenics_contact.kernels.vectors import ZERO, Vector, dot, less, minus, row
 from fenics_contact.types import Floats, Ints64
 
 # Boxes may enter this many cells on average before the cells are doubled: a few large facets among many small
@@ -14,8 +17,15 @@ from fenics_contact.types import Floats, Ints64
 MAX_CELLS_PER_FACET = 16
 # Cell numbers are clipped here so that far points cannot overflow an integer; clipped cells hold no box.
 MAX_CELL = 1 << 40
+# A facet whose ball a ray passes by this much, relative, is not met; above round-off and kernels/closest_point.py's OVERLAP.
+CLEAR = 1e-6
 
+Line = tuple[Vector, Vector, tuple[float, float]]  # x, unit n, and where it begins and ends along n
+# seen (nf,): the line that found each facet last; of the three axes: the cell, the last cell and the way there; where on the
+# line the next cell begins, and how long one lasts
+Work = tuple[Ints64, Ints64, Ints64, Ints64, Floats, Floats]
 Boxes = tuple[Floats, Floats]  # low, high (n, 3)
+Balls = tuple[Floats, Floats]  # centres (nf, 3) and squared radii (nf,) of balls that hold the facets
 Grid = tuple[Floats, float, int, Ints64, Ints64, Ints64]  # origin, cell size, mask, start, cells, facets of `_fill_grid`
 
 
@@ -91,9 +101,9 @@ def _fill_grid(boxes: Boxes, grid: Grid) -> None:
                     if count_only:
                         start[b + 2] += 1
                         continue
-                    row = start[b + 1]
-                    cells[row, 0], cells[row, 1], cells[row, 2], facets[row] = i, j, k, f
-                    start[b + 1] = row + 1
+                    free = start[b + 1]
+                    cells[free, 0], cells[free, 1], cells[free, 2], facets[free] = i, j, k, f
+                    start[b + 1] = free + 1
 
 
 @njit(cache=True)
@@ -107,10 +117,10 @@ def _query(point: Floats, boxes: Boxes, grid: Grid, out: Ints64, at: int) -> int
     i, j, k = _cell(point[0], origin[0], h), _cell(point[1], origin[1], h), _cell(point[2], origin[2], h)
     b = _bucket(i, j, k, mask)
     n = 0
-    for row in range(start[b], start[b + 1]):
-        if cells[row, 0] != i or cells[row, 1] != j or cells[row, 2] != k:
+    for at_row in range(start[b], start[b + 1]):
+        if cells[at_row, 0] != i or cells[at_row, 1] != j or cells[at_row, 2] != k:
             continue  # another cell of the same bucket
-        f = facets[row]
+        f = facets[at_row]
         inside = True
         for p in range(3):
             # written so that a NaN is outside
@@ -123,7 +133,27 @@ def _query(point: Floats, boxes: Boxes, grid: Grid, out: Ints64, at: int) -> int
 
 
 @njit(cache=True)
-def candidates(points: Floats, x: Floats, nodes: Ints64, size: Ints64, margin: float) -> tuple[Ints64, Ints64]:
+def _grid(boxes: Boxes) -> Grid:
+    """The grid of n > 0 boxes."""
+    low, high = boxes
+    n, origin = len(low), np.empty(3)
+    for p in range(3):
+        origin[p] = low[:, p].min()
+    h = cell_size(low, high, origin)
+    buckets = 1
+    while buckets < 4 * n:  # about as many as there are cells of a surface
+        buckets *= 2
+    start = np.zeros(buckets + 2, np.int64)
+    _fill_grid(boxes, (origin, h, buckets - 1, start, np.empty((0, 3), np.int64), np.empty(0, np.int64)))
+    for b in range(buckets + 1):
+        start[b + 1] += start[b]
+    grid = origin, h, buckets - 1, start, np.empty((start[-1], 3), np.int64), np.empty(start[-1], np.int64)
+    _fill_grid(boxes, grid)
+    return grid
+
+
+@njit(cache=True)
+def candidates(points: Floats, x: Floats, nodes: Ints64, size: Ints64, margin: float) -> Lists:
     """CSR lists of the facets that may lie within margin of each point.
 
     points (np, 3), x (nx, 3) current positions, nodes (nf, 4) and size (nf,) the surface.  Returns offsets (np + 1,)
@@ -133,24 +163,9 @@ def candidates(points: Floats, x: Floats, nodes: Ints64, size: Ints64, margin: f
     offsets = np.zeros(n_points + 1, np.int64)
     if n == 0 or n_points == 0:
         return offsets, np.empty(0, np.int64)
-    low, high, origin = np.empty((n, 3)), np.empty((n, 3)), np.empty(3)
+    boxes = low, high = np.empty((n, 3)), np.empty((n, 3))
     facet_boxes(x, nodes, size, margin, low, high)
-    for p in range(3):
-        origin[p] = low[:, p].min()
-    h = cell_size(low, high, origin)
-
-    buckets = 1
-    while buckets < 4 * n:  # about as many as there are cells of a surface
-        buckets *= 2
-    start = np.zeros(buckets + 2, np.int64)
-    boxes, empty = (low, high), (np.empty((0, 3), np.int64), np.empty(0, np.int64))
-    _fill_grid(boxes, (origin, h, buckets - 1, start, *empty))
-    for b in range(buckets + 1):
-        start[b + 1] += start[b]
-    grid = origin, h, buckets - 1, start, np.empty((start[-1], 3), np.int64), np.empty(start[-1], np.int64)
-    _fill_grid(boxes, grid)
-
-    found = np.empty(0, np.int64)
+    grid, found = _grid(boxes), np.empty(0, np.int64)
     for q in range(n_points):
         n_q = _query(points[q], boxes, grid, found, 0)
         offsets[q + 1] = offsets[q] + n_q
@@ -158,3 +173,104 @@ def candidates(points: Floats, x: Floats, nodes: Ints64, size: Ints64, margin: f
     for q in range(n_points):
         _query(points[q], boxes, grid, found, offsets[q])
     return offsets, found
+
+
+@njit(cache=True)
+def facet_balls(master: PlacedSurface) -> Balls:
+    """The Balls of all facets."""
+    coords, (nodes, size) = master
+    centres, radii = np.empty((len(size), 3)), np.empty(len(size))
+    for f in range(len(size)):
+        m, centre, longest = size[f], ZERO, 0.0
+        for i in range(m):
+            centre = less(centre, -1.0 / m, row(coords, nodes[f, i]))
+        for i in range(m):
+            arm = minus(row(coords, nodes[f, i]), centre)
+            longest = max(longest, dot(arm, arm))
+        centres[f, 0], centres[f, 1], centres[f, 2] = centre
+        radii[f] = (1.0 + CLEAR) * longest
+    return centres, radii
+
+
+@njit(cache=True, error_model="numpy")
+def _clipped(x: Vector, n: Vector, search: float, least: Vector, most: Vector) -> tuple[float, float]:
+    """From where to where on x + s n, |s| <= search, the line is in a box between two corners; less is second: nowhere."""
+    s0, s1 = -search, search
+    for p in range(3):
+        if n[p] == 0.0:
+            if not (x[p] >= least[p] and x[p] <= most[p]):  # a NaN is outside
+                return 1.0, 0.0
+            continue
+        a, b = (least[p] - x[p]) / n[p], (most[p] - x[p]) / n[p]
+        s0, s1 = max(s0, min(a, b)), min(s1, max(a, b))
+        if not s0 <= s1:
+            return 1.0, 0.0
+    return s0, s1
+
+
+@njit(cache=True, error_model="numpy")
+def _walk(line: Line, balls: Balls, grid: Grid, q: int, work: Work, out: Ints64) -> int:
+    """Facets whose ball line q passes, in the cells between its ends, written to out, rising; returns how many.
+
+    Amanatides & Woo 1987, A fast voxel traversal algorithm for ray tracing.
+    """
+    (x, n, ends), (centres, radii), (origin, h, mask, start, cells, facets) = line, balls, grid
+    seen, cell, last, step, following, each = work
+    for p in range(3):
+        cell[p], last[p] = _cell(x[p] + ends[0] * n[p], origin[p], h), _cell(x[p] + ends[1] * n[p], origin[p], h)
+        step[p], each[p] = 1 if n[p] > 0.0 else -1, h / abs(n[p])
+        following[p] = (origin[p] + h * (cell[p] + max(step[p], 0)) - x[p]) / n[p] if n[p] != 0.0 else np.inf
+    count = 0
+    for _ in range(abs(last[0] - cell[0]) + abs(last[1] - cell[1]) + abs(last[2] - cell[2]) + 1):
+        b = _bucket(cell[0], cell[1], cell[2], mask)
+        for k in range(start[b], start[b + 1]):
+            f = facets[k]
+            if seen[f] == q or cells[k, 0] != cell[0] or cells[k, 1] != cell[1] or cells[k, 2] != cell[2]:
+                continue
+            seen[f] = q
+            arm = minus(row(centres, f), x)
+            along = dot(arm, n)
+            if dot(arm, arm) - along * along <= radii[f]:
+                j = count
+                while j > 0 and out[j - 1] > f:
+                    out[j] = out[j - 1]
+                    j -= 1
+                out[j] = f
+                count += 1
+        axis, nearest = -1, np.inf
+        for p in range(3):
+            if cell[p] != last[p] and (axis < 0 or following[p] < nearest):
+                axis, nearest = p, following[p]
+        if axis >= 0:
+            cell[axis] += step[axis]
+            following[axis] += each[axis]
+    return count
+
+
+@njit(cache=True)
+def candidates_along(points: Floats, directions: Floats, balls: Balls, search: float) -> Lists:
+    """CSR lists, as of `candidates`, of the facets in whose balls lies a part of the line through each point.
+
+    points (np, 3); directions (np, 3): unit vectors along the lines; balls: centres (nf, 3) and squared radii (nf,);
+    search: length of the line to either side. No such facet is missed; some that the line, continued, passes are listed.
+    """
+    (centres, radii), n_points, n = balls, len(points), len(balls[1])
+    offsets, found, count = np.zeros(n_points + 1, np.int64), np.empty(4 * n_points + n, np.int64), 0
+    if n == 0 or n_points == 0:
+        return offsets, found[:0]
+    low, high = np.empty((n, 3)), np.empty((n, 3))
+    for f in range(n):
+        for p in range(3):
+            low[f, p], high[f, p] = centres[f, p] - np.sqrt(radii[f]), centres[f, p] + np.sqrt(radii[f])
+    grid, seen = _grid((low, high)), np.full(n, -1, np.int64)
+    work = seen, np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3), np.empty(3)
+    least, most = (low[:, 0].min(), low[:, 1].min(), low[:, 2].min()), (high[:, 0].max(), high[:, 1].max(), high[:, 2].max())
+    for q in range(n_points):
+        x, d = row(points, q), row(directions, q)
+        ends = _clipped(x, d, search, least, most)
+        if ends[0] <= ends[1]:
+            if len(found) < count + n:
+                found = np.append(found, np.empty(len(found) + n, np.int64))
+            count += _walk((x, d, ends), balls, grid, q, work, found[count:])
+        offsets[q + 1] = count
+    return offsets, found[:count].copy()

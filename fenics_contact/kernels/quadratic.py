@@ -16,10 +16,11 @@ import math
 import numpy as np
 from numba import njit
 
+from fenics_contact.kernels.broad_phase import CLEAR, Balls, facet_balls
 from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
 from fenics_contact.kernels.couplings import Pattern, find
 from fenics_contact.kernels.facets import MAX_NODES, PlacedSurface, Surface, shape, shape_gradient
-from fenics_contact.kernels.slave_ray import CLEAR, MAX_NEWTON, Balls, facet_balls
+from fenics_contact.kernels.slave_ray import MAX_NEWTON
 from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, got, less, minus, norm, row
 from fenics_contact.types import Bools, Floats, Ints64
 

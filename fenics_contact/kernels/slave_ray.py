@@ -13,6 +13,7 @@ the angle between facets.
 import numpy as np
 from numba import njit
 
+from fenics_contact.kernels.broad_phase import Balls, facet_balls
 from fenics_contact.kernels.closest_point import INTERIOR, NONE, OVERLAP, Lists, Projection
 from fenics_contact.kernels.facets import PlacedSurface
 from fenics_contact.kernels.normals import tangents_at
@@ -20,11 +21,8 @@ from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, less, minus
 from fenics_contact.types import Floats, Ints64
 
 Patch = tuple[Vector, Vector, Vector, Vector]  # c0, c1, c2, c3
-Balls = tuple[Floats, Floats]  # centres (nf, 3) and squared radii (nf,) of balls that hold the facets
 
 MAX_NEWTON = 30
-# A facet whose ball the ray passes by this much, relative, is not met; above round-off and OVERLAP.
-CLEAR = 1e-6
 
 
 @njit(cache=True, error_model="numpy")
@@ -66,23 +64,6 @@ def _patch(m: int, x0: Vector, x1: Vector, x2: Vector, x3: Vector) -> Patch:
         times(0.25, minus(high, low)),
         times(0.25, minus(two, one)),
     )
-
-
-@njit(cache=True)
-def facet_balls(master: PlacedSurface) -> Balls:
-    """The Balls of all facets."""
-    coords, (nodes, size) = master
-    centres, radii = np.empty((len(size), 3)), np.empty(len(size))
-    for f in range(len(size)):
-        m, centre, longest = size[f], ZERO, 0.0
-        for i in range(m):
-            centre = less(centre, -1.0 / m, row(coords, nodes[f, i]))
-        for i in range(m):
-            arm = minus(row(coords, nodes[f, i]), centre)
-            longest = max(longest, dot(arm, arm))
-        centres[f, 0], centres[f, 1], centres[f, 2] = centre
-        radii[f] = (1.0 + CLEAR) * longest
-    return centres, radii
 
 
 @njit(cache=True)

@@ -15,7 +15,7 @@ from fenics_contact import compat
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.pattern import MatrixPattern
 from fenics_contact.assembly.system import System
-from fenics_contact.contact.pairing import Pairing, seek_closest
+from fenics_contact.contact.pairing import CLOSEST, Pairing
 from fenics_contact.mesh_io import read_gmsh
 from fenics_contact.meshes import two_blocks
 from fenics_contact.scene.scene import Scene
@@ -124,7 +124,7 @@ def kernels(points: int) -> Row:
     facets = np.stack([corner, corner + n + 1, corner + n + 2, corner + 1], axis=1), np.full(n * n, 4)
     slaves = coords[corner] + [0.37 / n, 0.41 / n, 0.1 / n]
     normals = np.tile([0.0, 0.0, -1.0], (len(slaves), 1))
-    pairing = Pairing(facets, seek_closest, 1.0 / n, 0.5 / n)
+    pairing = Pairing(facets, CLOSEST, 1.0 / n, 0.5 / n)
     lists = pairing.within(slaves, coords, 1.5 / n)
     work: dict[str, Callable[[], Any]] = {
         "search_ns": lambda: pairing.within(slaves, coords, 1.5 / n),

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from fenics_contact.kernels.broad_phase import candidates, cell_size, facet_boxes
+from fenics_contact.kernels.broad_phase import candidates, candidates_along, cell_size, facet_balls, facet_boxes
 
 
 def bumpy_sheet(n, rng, width=1.0):
@@ -68,6 +68,65 @@ def test_degenerate_surfaces():
     one = np.array([[0, 1, 2, 3]])
     assert candidates(points, x, one, np.array([4]), 0.0)[0].tolist() == [0, 1, 2]  # a facet shrunk onto the points
     assert candidates(points[:0], x, one, np.array([4]), 0.0)[0].tolist() == [0]
+
+
+def met_by(points, directions, balls, search):
+    """Of each line the facets in whose balls a part of it lies, and those whose ball it passes when continued."""
+    arms, radii = balls[0][None] - points[:, None], balls[1]
+    along = np.einsum("qfc,qc->qf", arms, directions)
+    over = np.maximum(np.abs(along) - search, 0.0)
+    off = np.einsum("qfc,qfc->qf", arms, arms) - along**2
+    return off + over**2 <= radii * (1.0 - 1e-9), off <= radii * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("search", [0.0, 0.05, 0.5, 50.0])
+@pytest.mark.parametrize("turn", [False, True])
+def test_lines_find_all_facets_whose_balls_they_pass(search, turn):
+    rng = np.random.default_rng(5)
+    x, nodes, size = bumpy_sheet(12, rng)
+    if turn:
+        x = x @ np.linalg.qr(rng.normal(size=(3, 3)))[0].T + 100.0
+    points = np.vstack([x.mean(axis=0) + rng.uniform(-0.8, 0.8, (300, 3)), x])
+    directions = rng.normal(size=points.shape)
+    directions[::7] = np.sign(directions[::7]) * [0.0, 0.0, 1.0]  # along an axis, and in a plane of two
+    directions[::5, 0] = 0.0
+    directions[::35] = [0.0, -1.0, 0.0]
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    centres, radii = facet_balls((x, (nodes, size)))
+    for wider in (1.0, 4.0):
+        balls = centres, wider * radii
+        offsets, found = candidates_along(points, directions, balls, search)
+        must, may = met_by(points, directions, balls, search)
+        assert offsets[0] == 0 and must.sum() > 100
+        for q in range(len(points)):
+            mine = found[offsets[q] : offsets[q + 1]]
+            assert np.all(np.diff(mine) > 0) and may[q, mine].all()
+            assert set(np.flatnonzero(must[q])) <= set(mine)
+
+
+def test_lines_of_nothing():
+    x, nodes, size = bumpy_sheet(3, np.random.default_rng(6))
+    up, balls = np.tile([0.0, 0.0, 1.0], (2, 1)), facet_balls((x, (nodes, size)))
+    points = np.array([[np.nan, 0.5, 0.0], [1e30, 0.5, 0.0]])
+    assert candidates_along(points, up, balls, 1.0)[0].tolist() == [0, 0, 0]
+    assert candidates_along(points, np.full((2, 3), np.nan), balls, 1.0)[0].tolist() == [0, 0, 0]
+    assert candidates_along(points[:0], up[:0], balls, 1.0)[0].tolist() == [0]
+    none = np.empty((0, 3)), np.empty(0)
+    assert candidates_along(points, up, none, 1.0)[0].tolist() == [0, 0, 0]
+    shrunk = np.zeros((1, 3)), np.zeros(1)  # a facet shrunk onto a point
+    assert candidates_along(np.zeros((2, 3)), up, shrunk, 1.0)[1].tolist() == [0, 0]
+
+
+def test_a_fine_surface_costs_a_coarse_slave_no_more_than_its_lines_meet():
+    """Facets within two of a coarse slave's cells grow with the square of how much finer they are, those met do not."""
+    rng = np.random.default_rng(7)
+    counts = []
+    for n in (10, 80):
+        x, nodes, size = bumpy_sheet(n, rng)
+        points = np.column_stack([rng.uniform(0.3, 0.7, (200, 2)), np.zeros(200)])
+        balls = facet_balls((x, (nodes, size)))
+        counts.append(len(candidates_along(points, np.tile([0.0, 0.0, 1.0], (200, 1)), balls, 0.4)[1]))
+    assert counts[1] < 1.5 * counts[0]
 
 
 def test_compiled_equals_plain_python():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fenics_contact.kernels.broad_phase import facet_balls
 from fenics_contact.kernels.closest_point import INTERIOR
 from fenics_contact.kernels.facets import corner
 from fenics_contact.kernels.quadratic import (
@@ -16,7 +17,6 @@ from fenics_contact.kernels.quadratic import (
     quadratic_rays,
     quadratic_shape,
 )
-from fenics_contact.kernels.slave_ray import facet_balls
 
 KINDS = [LINE, STRIP, TRIANGLE, QUADRILATERAL]
 
