@@ -15,9 +15,11 @@ from fenics_contact import (
     Method,
     Output,
     Scene,
+    Stage,
     Units,
     from_elastic,
     mooney_rivlin,
+    neo_hooke,
     read_gmsh,
     rigid_cylinder,
     rigid_plane,
@@ -25,7 +27,7 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, ironing, two_blocks
+from fenics_contact.meshes import box, ironing, rectangles, two_blocks
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.softened import Softened
@@ -243,6 +245,45 @@ def test_augmented_contact_in_other_units_and_turned():
 
 
 # -- ways to the same end ---------------------------------------------------------------------------------------------
+@pytest.mark.parallel
+@pytest.mark.parametrize("plane", [None, "strain"])
+def test_two_bodies_far_from_the_origin(plane):
+    """Their gap is a difference of coordinates, which are known to 1e-16 of themselves: forces that make no difference to
+    these are no more out of balance."""
+
+    def build(far):
+        if plane:
+            rectangles.build({"lower": ((0, 0), (4, 1), (8, 3)), "upper": ((1, 1.0), (1.5, 1), (4, 3))})
+        else:
+            two_blocks.build((4, 4, 1), (8, 8, 3), (0, 0, -1), (1.5, 1.5, 1), (4, 4, 2), (1, 1, 0))
+        tags, places, _ = gmsh.model.mesh.getNodes()
+        for tag, place in zip(tags, places.reshape(-1, 3), strict=True):
+            gmsh.model.mesh.setNode(tag, place + [far, far, 0.0 if plane else far], [])
+
+    def forces(far):
+        mesh = read_gmsh(build, far=far)
+        rubber = neo_hooke(mu=1.0, K=5.0)
+        scene = Scene(Body(mesh, "lower", rubber), Body(mesh, "upper", rubber), plane=plane)
+        names = (
+            ("lower_ymin", "upper_ymax", "upper_ymin", "lower_ymax")
+            if plane
+            else ("lower_bottom", "upper_top", "upper_bottom", "lower_top")
+        )
+        scene.fix(names[0])
+        scene.fix(names[1])
+        scene.contact(names[2], names[3], friction=0.3, name="c")
+        down = "y" if plane else "z"
+        stages = [
+            Stage("press", prescribe={(names[1], down): -0.1}),
+            Stage("drag", prescribe={(names[1], "x"): 0.3}, steps=2),
+        ]
+        result = solve(scene, stages=stages).require()
+        return np.array([result.history[-1][f"c_force_{axis}_N"] for axis in ("x", down)])
+
+    near = forces(0.0)
+    assert np.abs(forces(1e5) / near - 1.0).max() < 1e-5  # coordinates known to 1e-11, of gaps of 1e-4 and more
+
+
 @pytest.mark.serial  # on 2 ranks: test_restart.py
 def test_restart(scene, tmp_path):
     name, plain = scene

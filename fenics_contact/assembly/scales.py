@@ -12,13 +12,14 @@ ROUNDED = 4.0 * np.finfo(float).eps  # units in the last place by which gaps and
 class Scales:
     """Forces and stiffness that have been seen.
 
-    displacement: as a PETSc vector; reach: largest length of which gaps are differences [length]. forces: largest norm of a
-    single term, reactions included, at the state assembled last, accepted: in any accepted state [force]; stiffness: largest
-    diagonal entry of any tangent [force/length]; farthest: the greatest `moved` of any accepted state [length].
+    displacement: as a PETSc vector; extent: of the bodies; reach: largest length of which gaps are differences [length].
+    forces: largest norm of a single term, reactions included, at the state assembled last, accepted: in any accepted state
+    [force]; stiffness: largest diagonal entry of any tangent [force/length]; farthest: the greatest `moved` of any accepted
+    state [length].
     """
 
-    def __init__(self, displacement: Vec, reach: float) -> None:
-        self._displacement, self._reach = displacement, reach
+    def __init__(self, displacement: Vec, extent: float, reach: float) -> None:
+        self._displacement, self._extent, self._reach = displacement, extent, reach
         self.forces = self.accepted = self.stiffness = self.farthest = 0.0
         self._accepted_stiffness = 0.0
 
@@ -35,7 +36,7 @@ class Scales:
     @property
     def noise_energy(self) -> float:
         """Energy [force length] that the last places of the coordinates make, in bodies at rest too."""
-        return self.noise * self._reach
+        return self.noise * self._extent
 
     @property
     def moved(self) -> float:

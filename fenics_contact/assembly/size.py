@@ -16,3 +16,8 @@ def bodies_size(space: Space) -> float:
     """Largest side of the box around all bodies [length]. Collective."""
     low, high = extremes(space.mesh.comm, space.tabulate_dof_coordinates())
     return float((high - low).max())
+
+
+def farthest(space: Space) -> float:
+    """Largest coordinate of any node of the bodies [length]. Collective."""
+    return float(np.abs(extremes(space.mesh.comm, space.tabulate_dof_coordinates())).max())

@@ -19,7 +19,7 @@ from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
 from fenics_contact.assembly.pattern import Couplings
 from fenics_contact.assembly.scales import Scales
-from fenics_contact.assembly.size import bodies_size
+from fenics_contact.assembly.size import bodies_size, farthest
 from fenics_contact.assembly.spring_term import SpringTerm
 from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.term import FluidTerm, FormTerm, State, Term
@@ -79,7 +79,8 @@ class System:
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual: Floats = np.zeros((len(tools), 6))
         self.extent = bodies_size(self.space)
-        self.scales = Scales(self.vector, max(self.extent, tools.reach))
+        far = farthest(self.space) if self.contacts else self.extent
+        self.scales = Scales(self.vector, self.extent, max(far, tools.reach))
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
         self.foresight = Foresight(self.contacts)
