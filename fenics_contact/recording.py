@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from tqdm import tqdm
 
 from fenics_contact.contact.images import IMAGES, Images
-from fenics_contact.contact.overlap import OVERLAPS, Overlaps
+from fenics_contact.contact.overlap import Overlaps
 from fenics_contact.options import Output
 from fenics_contact.output.columns import ARCS, Columns, HistoryRow, damping_column
 from fenics_contact.output.fields import Fields
@@ -90,7 +90,7 @@ class Recorder:
             self.keeper.keep()
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
-        self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
+        self.verdict.remark_on(Overlaps.name, self._overlaps.remarks())
         self.verdict.remark_on(IMAGES, self._images.remarks())
         self.verdict.remark_on(SYMMETRY, self._symmetry.remarks())
         smallest_J, turned = self._volume_ratio.look()

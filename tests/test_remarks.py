@@ -24,8 +24,10 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
+from fenics_contact.assembly.finding import CYCLING, INVERTED, OVERLAPS, UNKNOWN, Finding, Remark
 from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
 from fenics_contact.output.carrying import Carried, sparse_notes
+from fenics_contact.solvers.verdict import Verdict
 
 pytestmark = pytest.mark.parallel
 SOFT, SIZES = neo_hooke(0.5, 2.0), {"lower_cells": (4, 4, 2), "upper_cells": (3, 3, 2)}
@@ -93,6 +95,22 @@ def test_a_body_inside_another_one_is_told(cells):
     assert "lies 0.15 inside" in first and "state a contact" in first
     assert last.startswith("step 2 to t = 1, where this is worst") and "lies 0.3 inside" in last
     assert not pressed(mesh, axis, 0.3, contact=True)
+
+
+def test_a_run_that_fails_once_bodies_lie_in_each_other_asks_for_their_contact_first():
+    """Not where what failed has another cause: a squeezed body grows into itself on its way."""
+    for kind, told, first in (
+        (CYCLING, True, True),
+        (UNKNOWN, True, True),
+        (CYCLING, False, False),
+        (INVERTED, True, False),
+    ):
+        verdict = Verdict()
+        if told:
+            verdict.remark_on(OVERLAPS, {"a": Remark(0.1, "a node of body 'a' lies inside body 'b': state a contact")})
+        verdict.stop(Finding(kind, "why", "where", "take more steps"), 1.0)
+        assert verdict.remedy.startswith("state the contact without which") == first
+        assert verdict.remedy.endswith("take more steps") and verdict.reason.endswith(verdict.remedy)
 
 
 @pytest.mark.parametrize("turn", [0.0, 30.0, 45.0])

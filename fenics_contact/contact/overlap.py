@@ -6,7 +6,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
-from fenics_contact.assembly.finding import Remark, spot, tidied
+from fenics_contact.assembly.finding import OVERLAPS, Remark, spot, tidied
 from fenics_contact.assembly.pairs import Image
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.on_facets import PlacesOnFacets
@@ -18,7 +18,6 @@ DEEP = 0.05  # of a cell's size: what lies less deep may be what straight cells 
 ROUNDED = 1e-9  # of a simplex: a point so near to its border is in it
 BESIDE = 0.5  # of a cell's extents: a node of its own body that was so near to it at rest is its own, or a neighbour's
 ON_THE_WAY = (0.1, 0.3, 0.5, 0.7, 0.9)  # out of a body: shares where it is asked whether that is still there
-OVERLAPS = "bodies in bodies"  # by which a run remembers what it has said of these
 SOME = 200  # nodes at most whose depth is looked for
 ITSELF = (
     "it is on no surface of a contact of the body with itself, so nothing keeps it out; state one of the surfaces that meet "
@@ -37,8 +36,10 @@ NEIGHBOUR = (
 class Overlaps:
     """Nodes on the bodies' boundaries, the places where no contact holds them out, and what they may have come into there.
 
-    Construction is collective.
+    name: by which a run remembers what it has said of these. Construction is collective.
     """
+
+    name = OVERLAPS
 
     def __init__(self, system: System) -> None:
         self._system, space, mesh = system, system.space, system.space.mesh

@@ -5,7 +5,17 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fenics_contact.assembly.finding import COMES_IN, CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding, Remark
+from fenics_contact.assembly.finding import (
+    COMES_IN,
+    CONVERGED,
+    CYCLING,
+    MEMORY,
+    OVERLAPS,
+    TOO_STIFF,
+    UNKNOWN,
+    Finding,
+    Remark,
+)
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 
@@ -15,6 +25,7 @@ SHORTENED, JUMPED, SPRUNG = "increments shortened", "with loads and drives held"
 ALIKE = {SHORTENED: SHORTENED, JUMPED: "the state jumped", SPRUNG: "soft springs held what nothing else did"}
 # Words of notes on what was overcome, of which nothing is in the result: they come last
 OVERCOME = (" cut back: ", " nothing in the result: ", "to which the result belongs", SHORTENED)
+APART = "state the contact without which bodies lie in each other, as the note on that says,"  # before anything else
 GREW = 1.5  # times what was said of a term first: what is worse later is worth a note at the end
 # Kinds of failure in the words of cut-backs, where what they name may yet be in the result, found in shorter steps
 ON_THE_WAY = {COMES_IN: "a fluid came further in than one step could follow"}
@@ -168,6 +179,8 @@ class Verdict:
         """Not converged: the step to t failed for good; step: its number, by default that after the accepted ones."""
         self.converged, self.step = False, step or len(self.residuals) + 1
         self.kind, reason, self.place, self.remedy = finding
+        if self.remarked.get(OVERLAPS) and self.kind in (CYCLING, UNKNOWN):  # no step is short enough for that
+            self.remedy = " or ".join(filter(None, [APART, self.remedy]))
         where = f", {self.place}" if self.place else ""
         self.reason = f"step {self.step} to t = {t:.6g}: {self.kind}{where}: {reason}"
         self.reason += f"; {self.remedy}" if self.remedy else ""
