@@ -3,6 +3,7 @@
 import importlib.util
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import gmsh
 import numpy as np
@@ -37,6 +38,7 @@ from fenics_contact import (
 from fenics_contact.meshes import box, dome, rectangles, sphere_shell
 from fenics_contact.solvers.arc_length import Arc, ArcLength
 from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.locating import Arrival, Sought, located
 from fenics_contact.solvers.softness import soft_motion
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -538,3 +540,49 @@ def test_a_path_does_not_go_straight_back_behind_a_bifurcation():
     result = solve(scene, stages=[touch, Stage("push", push={lid: (0, -2.0, 0)}, steps=arcs)])
     assert (np.diff(result.column("lid_travel_y_mm")) < 0.0).all()
     assert result.converged or (result.verdict.kind == "limit point" and "keep the arcs shorter" in result.verdict.remedy)
+
+
+class Gone:
+    """An Increment of a path with one coordinate, along which the load is a function."""
+
+    def __init__(self, s, dt):
+        self.s, self.dt = s, dt
+
+    def times(self, share):
+        return Gone(share * self.s, share * self.dt)
+
+    def add(self, other, share):
+        self.s, self.dt = self.s + share * other.s, self.dt + share * other.dt
+
+
+LOADS = {  # and their rates, on 0 <= s <= 1
+    "kink": (lambda s: min(3.0 * s, 1.2 + 0.9 * (0.4 - s)), lambda s: 3.0 if s < 0.4 else -0.9),
+    "bent kink": (
+        lambda s: min(2.0 * s - s**2, 0.51 - 4.0 * (s - 0.3) - 5.0 * (s - 0.3) ** 2),
+        lambda s: 2.0 - 2.0 * s if s < 0.3 else -4.0 - 10.0 * (s - 0.3),
+    ),
+    "kink at the end": (lambda s: min(s, 2.0 - 1.002 * s), lambda s: 1.0 if s < 2.0 / 2.002 else -1.002),
+    "parabola": (lambda s: s * (1.4 - s), lambda s: 1.4 - 2.0 * s),
+    "smooth": (lambda s: np.sin(2.0 * s), lambda s: 2.0 * np.cos(2.0 * s)),
+}
+
+
+@pytest.mark.parametrize("name", LOADS)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_few_arcs_find_a_limit_point_smooth_or_not(name, side):
+    """Bisection takes 20 to a millionth; the arc ends before the kink, by no more than is asked."""
+    load, rate = (lambda s, f=f: side * f(s) for f in LOADS[name])
+    lengths, bound = [], 1e-6
+
+    def arrive(s, near):
+        assert near is None or abs(near.s - s) < 1e-12
+        lengths.append(s)
+        return Arrival(s, Gone(s, load(s)), Gone(1.0, rate(s)), SimpleNamespace(iterations=1), 1.0)
+
+    whole = arrive(1.0, None)
+    sought = Sought(lambda a: a.rate.dt, lambda dt, left: left <= bound and dt * side > -0.01, 0.5 * bound)
+    found = located(arrive, whole, (rate(0.0), Gone(1.0, rate(0.0))), sought, lambda a, b: a.s * b.s)
+    top = {"kink": 0.4, "bent kink": 0.3, "kink at the end": 2.0 / 2.002, "parabola": 0.7, "smooth": np.pi / 4}[name]
+    assert abs(found.length - top) < 2.0 * bound and side * found.rate.dt > -0.01
+    assert len(lengths) <= (5 if name in ("parabola", "smooth") else 10), lengths
+    assert found.report.iterations == len(lengths)

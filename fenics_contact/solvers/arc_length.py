@@ -9,7 +9,7 @@ load so far and at first their rate, makes the path's extent in load and in disp
 of either kind, and corners of the load-displacement diagram show.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,13 +69,15 @@ class Increment:
 
 @dataclass(frozen=True)
 class Arc:
-    """Where a step is to end: at this length from the last accepted state, first along the unit rate of the path there;
-    negative: pivots of the tangent there, NaN: not known, and side: the sign of the load's change."""
+    """Where a step is to end: at this length from the last accepted state, first along the unit rate of the path there, or
+    as far as `near`, where a state near its end is known; negative: pivots of the tangent there, NaN: not known, and side:
+    the sign of the load's change."""
 
     length: float
     rate: Increment
     negative: float = np.nan
     side: float = 0.0
+    near: Increment | None = None
 
 
 class ArcLength:
@@ -141,7 +143,9 @@ class ArcLength:
     # -- one step -------------------------------------------------------------------------------------------------
     def step(self, system: System, arc: Arc) -> ArcReport:
         """Carry the system from its committed state along an Arc; ArcReport, or StepFailed if it does not get there."""
-        _advance(system, arc.rate.times(arc.length))
+        if system.condensed:  # its unknowns follow the accepted state's tangent, along its rate alone
+            arc = replace(arc, near=None)
+        _advance(system, arc.near.times(1.0) if arc.near else arc.rate.times(arc.length))
         return self._balance(system, arc, True)
 
     def settle(self, system: System, arc: Arc) -> ArcReport:
@@ -154,7 +158,8 @@ class ArcLength:
     def _balance(self, system: System, arc: Arc, resample: bool) -> ArcReport:
         """resample: have samples follow the surfaces once. While the out-of-balance force is large, contact pressures are
         foreseen as in Newton's steps: straight on along its rate, a path beside a curved tool touches nothing."""
-        report, foresight, least = ArcReport(), system.foresight, 1 if resample else 2  # what points are held by is let go
+        # at least once what points are held by is let go, and what a state nearby left out of balance
+        report, foresight, least = ArcReport(), system.foresight, 1 if resample and not arc.near else 2
         before = relative_residual(system, followed=True)
         while True:
             side, size = self._load_side(system)

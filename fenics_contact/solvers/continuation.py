@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from fenics_contact.solvers.arc_length import Arc, ArcLength, ArcReport, Increme
 from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.course import ArcSteps, Course, Fork, Leg
 from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.locating import Arrival, Sought, located
 from fenics_contact.solvers.motions import Motion, resistance, softest
 from fenics_contact.solvers.report import StepperTo
 from fenics_contact.solvers.verdict import StepFailed, Verdict
@@ -25,7 +25,6 @@ from fenics_contact.types import Floats
 LIMIT_TOLERANCE = 1e-6
 FLAT = 1e-2  # of the load's change per arc before: beyond a kink it falls by more, and arcs may end elsewhere on the path
 TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close the run must land on it
-TRIALS = 40  # arcs tried for one limit point or target; a smooth path takes 2 to 4, bisection at a kink 20
 
 # Of the stiffest node's resistance (the root of round-off), and times what the softest motion may still resist where a
 # bifurcation counts as located: motions that differ by far less are as soft, and round-off alone tells them apart
@@ -33,17 +32,6 @@ ALIKE, WITHIN = 1e-8, 100.0
 AWAY = 1e-2  # of the bodies' size: the first arc on another path, where that is no longer lost in round-off
 BACK = 0.99  # cosine of the angle to straight back, from which on a step is on the path so far
 LEAVES = 0.5  # of the first arc on another path: less along the null vector, and it leads on or back on the path so far
-
-
-@dataclass
-class Arrival:
-    """A converged state not yet accepted: its arc length from the last one, increment, path's rate there, report."""
-
-    length: float
-    increment: Increment
-    rate: Increment
-    report: ArcReport
-    fork: Increment | None = None  # where it is a bifurcation, along what the path is to go on
 
 
 class Path:
@@ -196,14 +184,14 @@ class Path:
         if arrival.rate.dt * self.slope < 0.0:
             side, bound = self.slope, LIMIT_TOLERANCE * max(self.furthest, arrival.length)
             ends = lambda dt, left: left <= bound and dt / side > -FLAT  # noqa: E731
-            arrival = self._locate(arrival, rate, side, lambda a: a.rate.dt, ends)
+            arrival = self._locate(rate, arrival, side, Sought(lambda a: a.rate.dt, ends, 0.5 * bound))
             arrival.report.limit_point = int(np.sign(side))
         reached = None
         for name, gap in self.targets.items():
             before, now = self.gaps[name], gap()
             if now * before < 0.0 or now == 0.0:
                 near = TARGET_TOLERANCE * max(self.spans[name], abs(now))
-                arrival = self._locate(arrival, rate, before, _on_arrival(gap), _within(near))
+                arrival = self._locate(rate, arrival, before, Sought(_on_arrival(gap), _within(near)))
                 reached = name
         arrival.report.station = 1 + list(self.stations).index(reached) if reached in self.stations else 0
         return arrival, reached
@@ -239,7 +227,7 @@ class Path:
         self._measure(leg)
         self.verdict.accept(arrival.report, self.system)
         turned = np.arccos(np.clip(self.arc.dot(self._going, arrival.rate), -1.0, 1.0))
-        length = min(self.length * _growth(self.steps, arrival.report, turned), self.steps.largest)
+        length = min(self.length * _growth(self.steps, arrival.solves, turned), self.steps.largest)
         self.arc.weigh(self.furthest, self.highest)
         size = self.arc.norm(arrival.rate)  # 1 in the lengths before
         self.length, self.rate, self.last = length * size, arrival.rate.times(1.0 / size), arrival.increment
@@ -257,14 +245,24 @@ class Path:
         for name, gap in self.gaps.items():  # a step has landed there: the next one only leaves it
             self.gaps[name] = 0.0 if abs(gap) <= TARGET_TOLERANCE * self.spans[name] else gap
 
-    def _arrive(self, length: float, rate: Increment) -> Arrival:
-        arc = Arc(length, rate, self.negative, self.side)
+    def _arrive(self, length: float, rate: Increment, near: Increment | None = None) -> Arrival:
+        arc = Arc(length, rate, self.negative, self.side, near)
         report = self.stepper.step(self.system, arc)
         if wrong := self.system.acceptance.objection():
             raise StepFailed.of(wrong)
-        arrival = Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system, arc), report)
+        solves = len(report.residuals) / (1 + report.augmentations + report.raises)
+        arrival = Arrival(length, self.arc.made(self.system), self.arc.rate_along(self.system, arc), report, solves)
         report.negative = self._pivots()
         return arrival
+
+    def _locate(self, rate: Increment, arrival: Arrival, first: float, sought: Sought) -> Arrival:
+        """The arrival within this step where a value vanishes, see `located`."""
+
+        def arrive(length: float, near: Increment | None) -> Arrival:
+            self._back()
+            return self._arrive(length, rate, near)
+
+        return located(arrive, arrival, (first, rate), sought, self.arc.dot)
 
     # -- bifurcations -----------------------------------------------------------------------------------------------
     def _pivots(self) -> float:
@@ -314,48 +312,17 @@ class Path:
             return -resists if self._passed(at) else resists
 
         far = abs(stiffness(arrival))
-        arrival = self._locate(arrival, rate, far, stiffness, lambda left, _: abs(left) <= LIMIT_TOLERANCE * far)
+        found = Sought(stiffness, lambda left, _: abs(left) <= LIMIT_TOLERANCE * far, forks=True)
+        arrival = self._locate(rate, arrival, far, found)
         largest = self.system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
         mode = soft(max(ALIKE * largest, WITHIN * LIMIT_TOLERANCE * far))
         along = self.system.comm.allreduce(float(mode.du.array_r[fork.dofs].sum()))
         arrival.fork = Increment(mode.du, mode.dq, 0.0).times(np.copysign(1.0, along * fork.towards))
         return arrival
 
-    def _locate(
-        self,
-        arrival: Arrival,
-        rate: Increment,
-        first: float,
-        value: Callable[[Arrival], float],
-        close: Callable[[float, float], bool],
-    ) -> Arrival:
-        """The arrival within this step where value(arrival) vanishes: regula falsi over arc lengths, Illinois variant
-        (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
 
-        first: the value at the step's start, or its sign; close(value, arc left to its root by the chord over the bracket):
-        whether that is it.
-        """
-        low, high, at_low, here, kept = 0.0, arrival.length, first, value(arrival), 0
-        at_high, solves = here, 0
-        for _ in range(TRIALS):
-            if close(here, abs(here * (high - low) / (at_high - at_low))):
-                arrival.report.iterations += solves
-                return arrival
-            solves += arrival.report.iterations
-            self._back()
-            place = high - at_high * (high - low) / (at_high - at_low)
-            arrival = self._arrive(place, rate)
-            here = value(arrival)
-            if here * at_high > 0.0:
-                high, at_high, at_low, kept = place, here, at_low * (0.5 if kept < 0 else 1.0), -1
-            else:
-                low, at_low, at_high, kept = place, here, at_high * (0.5 if kept > 0 else 1.0), 1
-        raise StepFailed(f"{TRIALS} arcs did not settle on one point")
-
-
-def _growth(steps: ArcSteps, report: ArcReport, turned: float) -> float:
+def _growth(steps: ArcSteps, solves: float, turned: float) -> float:
     """Change of the arc length: longer after few tangent solves (Ramm 1981), shorter where the path turns, in bounds."""
-    solves = len(report.residuals) / (1 + report.augmentations + report.raises)
     ratio = min(steps.iterations / solves, steps.turn / max(turned, 1e-12))
     return float(np.clip(np.sqrt(ratio), 0.5, 2.0))
 
