@@ -12,6 +12,7 @@ from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
+from fenics_contact.contact.mirrors import Mirrors
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind
 from fenics_contact.contact.pairing import Pairing, Watch, seek_in_sight
 from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
@@ -43,9 +44,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     ring (nf, m): corners of the master's facets; edges (nf, m): from which of them to the next it ends or has a crease;
     ends, beyond: as drawn, see `ends_at`; parted: parts of the master lie side by side without common nodes; surface:
     SlaveSurface of nodes; bends (ns,): `_spread` of their normals as drawn; crossing.skin: all facets of the slave;
-    free (ns, 3, 3): ways that supports leave the nodes, by rows; part: of the mesh, as of `walls_between`. Each process
-    evaluates all samples around its own nodes against the whole master, and so needs nothing of the others. The constructor
-    and methods that take a state are collective.
+    held: as of SlaveFacets; part: of the mesh, as of `walls_between`. Each process evaluates all samples around its own
+    nodes against the whole master, and so needs nothing of the others. The constructor and methods that take a state are
+    collective.
     """
 
     sights: Sights
@@ -57,13 +58,13 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         master: MasterSurface | ToolSurface,
         crossing: Crossing,
         timers: Timers,
-        free: Array,
+        held: tuple[Array, Mirrors],
         part: Ints64,
     ) -> None:
         skin, search = crossing.skin, SEARCH * max(surface.cell_height, master.longest)
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         joined = np.isin(skin.blocks, master.blocks)
-        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free, joined)
+        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), held, joined)
         super().__init__(self.around.parted(surface), master, crossing, (skin.owned, len(skin.X)), search, timers)
         self.skin = skin
         ring, self._walls = self.around.corners, None
@@ -76,7 +77,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         starts, edges, sides, smooth = surface_ends(master.corners, normals, cosine)
         m = int(master.corners[1].max(initial=3))
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
-        self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
+        behind = [(normal, np.append(np.zeros(self.first, dtype=bool), on)) for normal, on in held[1].master]
+        every = np.ones(len(self.ring), dtype=bool)
+        self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], every, behind)
         self._alone = _alone(self._smooth(X)[0][self._smooth.group], X[self.ring])
         self._aside: tuple[Floats, Steered] | None = None  # places of all nodes, and what a step from there presses along
         self.beyond = beyond_edges(master.corners)
@@ -193,7 +196,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         """Unit means (ns, 1, 3) of the samples' normals; of (np,): those that count."""
         s = feet.samples
         share = np.where(s.table < 0, 0.0, s.share * of[s.table])
-        return unit(np.einsum("nj,njc->nc", share, feet.projection[5][s.table]))[:, None]
+        sums = np.einsum("nj,njc->nc", share, feet.projection[5][s.table])
+        return unit(np.einsum("ncd,nd->nc", s.slaves.kept, sums))[:, None]
 
     def bare(self, feet: MortarFeet, far: bool = False) -> Floats:
         """Shares (ns,) of the nodes' areas that do not lie over the master; far: however far away it is."""
@@ -282,7 +286,7 @@ def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
     feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
     theirs, table = places.master_normals(feet), whole.table
     aside, sees, ends = _aside(places, feet, theirs)
-    flat = FLATTER * _spread(np.where((table < 0) | ~sees[table], 0.0, whole.share), theirs[table])
+    flat = FLATTER * _spread(whole, np.where((table < 0) | ~sees[table], 0.0, whole.share), theirs)
     lean = slides * places.bends / (places.bends + flat + SETTLED**2)
     lean[((table >= 0) & ends[table]).any(axis=1)] = 0.0
     number = places.around.number
@@ -294,13 +298,14 @@ def _drawn(places: NodePlaces) -> Floats:
     """How far (ns,) normals of the slave spread around each node as it was drawn, see `_spread`."""
     whole, X = places.samples, places.skin.X
     _, directions, _ = whole.at(X, places.around.normals(X)[0])
-    return _spread(whole.share, directions[whole.table])
+    return _spread(whole, whole.share, directions)
 
 
-def _spread(share: Floats, normals: Floats) -> Floats:
-    """Mean squares (ns,) of what unit normals (ns, J, 3) of samples, with their shares (ns, J), are off their mean by."""
-    whole = np.maximum(share.sum(axis=1), 1e-300)
-    off = normals - (np.einsum("nj,njc->nc", share, normals) / whole[:, None])[:, None]
+def _spread(samples: Samples, share: Floats, normals: Floats) -> Floats:
+    """Mean squares (ns,) of what unit normals (np, 3) at samples, with their shares (ns, J), are off their mean by."""
+    whole, around = np.maximum(share.sum(axis=1), 1e-300), normals[samples.table]
+    mean = np.einsum("ncd,nj,njd->nc", samples.slaves.kept, share, around) / whole[:, None]
+    off = around - mean[:, None]
     return np.asarray(np.einsum("nj,njc->n", share, off * off) / whole)
 
 
