@@ -9,13 +9,22 @@ from fenics_contact.types import Bools, Floats
 
 MIRRORED = np.sin(np.radians(CREASE / 2))  # of a way across an end: with less a facet and its mirror image have no crease
 Mirror = tuple[Floats, Bools]  # unit normal (3,) of a plane, and which of a surface's nodes lie on it
+Standing = tuple[bool, ...]  # which planes are such at a state
 
 
 class Mirrors(NamedTuple):
-    """Planes of symmetry of both surfaces, of each the nodes on them."""
+    """Planes of symmetry of both surfaces as drawn: of each the nodes on them, and which nodes (nx,) of the slave, then of
+    the master, must not have gone across it, by more than `near` [length]: what is led away slides over a guide."""
 
     slave: list[Mirror]
     master: list[Mirror]
+    still: list[Bools]
+    near: float
+
+    def standing(self, gone: Floats) -> Standing:
+        """Which planes are such where nodes have gone so far (nx, 3) [length] since they were drawn."""
+        planes = zip(self.slave, self.still, strict=True)
+        return tuple(bool(np.abs(gone[still] @ normal).max(initial=0.0) <= self.near) for (normal, _), still in planes)
 
 
 def kept(normals: Floats, mirrors: list[Mirror]) -> Floats:

@@ -4,12 +4,13 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from itertools import compress
 
 import basix
 import numpy as np
 
 from fenics_contact.contact.master import MasterSurface, area_vectors
-from fenics_contact.contact.mirrors import MIRRORED, Mirror, Mirrors, kept
+from fenics_contact.contact.mirrors import MIRRORED, Mirror, Mirrors, Standing, kept
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.broad_phase import candidates
@@ -48,14 +49,21 @@ class CornerNormals:
         angles = corner_angles(X, nodes, len(gradients), *where[1:])
         alone = np.tile(np.eye(3), (len(where[0]) - 1, 1, 1))
         self.groups: Groups = *where, *group_slots(*where, *self._facets), angles, alone
-        if mirrors:
-            at = nodes[where[1], where[2]][where[0][:-1]]
-            self.groups = *self.groups[:7], kept(self(X)[0], [(normal, on[at]) for normal, on in mirrors])
+        at, self._known = nodes[where[1], where[2]][where[0][:-1]], {(False,) * len(mirrors): alone}
+        self._mirrors, self._drawn = [(normal, on[at]) for normal, on in mirrors], self(X, (False,) * len(mirrors))[0]
 
-    def __call__(self, coords: Floats) -> tuple[Floats, Floats]:
-        """Unit normals (ng, 3) of the groups and their turns (ns, 3, 4), with nodes at coords (nx, 3)."""
+    def kept(self, standing: Standing) -> Floats:
+        """What stays (ng, 3, 3) of the sums of groups with their images behind these planes."""
+        if standing not in self._known:
+            self._known[standing] = kept(self._drawn, list(compress(self._mirrors, standing)))
+        return self._known[standing]
+
+    def __call__(self, coords: Floats, standing: Standing) -> tuple[Floats, Floats]:
+        """Unit normals (ng, 3) of the groups and their turns (ns, 3, 4), with nodes at coords (nx, 3); standing: planes of
+        symmetry there."""
         normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 4))
-        group_normals(coords, *self._facets, self.groups, normals, turns)
+        groups = *self.groups[:7], self.kept(standing)
+        group_normals(coords, *self._facets, groups, normals, turns)
         return normals, turns
 
 
@@ -70,7 +78,7 @@ class SlaveFacets:
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
     the reference; nearest: the least one of the FEWEST samples in a unit facet; tips (nf, m): which corners are ends or
     creases of the surface; held: ways (n, 3, 3) that supports leave the nodes, by rows, and the planes of symmetry of
-    both surfaces; kept (ns, 3, 3): as of Slaves; joined (nx,): which nodes of the surface the master has, too. Collective.
+    both surfaces; joined (nx,): which nodes of the surface the master has, too. Collective.
     """
 
     def __init__(self, skin: MasterSurface, count: int, held: tuple[Array, Mirrors], joined: Bools) -> None:
@@ -97,7 +105,7 @@ class SlaveFacets:
         self.facets, self.places, owner = f[order], c[order], self.number[f, c][order]
         self.starts = np.searchsorted(owner, np.arange(len(self.own) + 1))
         first = self.starts[:-1]  # all of a node's facets lie on the same side of its creases
-        self.kept = self.groups[7][self.group[self.facets[first], self.places[first]]]
+        self._kept_of = self.group[self.facets[first], self.places[first]]
         part = QUADRATIC if skin.whole else LINEAR
         # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
         strip = skin.section is not None
@@ -111,6 +119,10 @@ class SlaveFacets:
         self.tips = np.isin(self.corners, self._ends(free[self.of])) & ~joined[self.corners]  # there it goes on
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
         self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
+
+    def kept(self, standing: Standing) -> Floats:
+        """What counts (ns, 3, 3) of the nodes' mean ways, as of Slaves, where these are planes of symmetry."""
+        return self.normals.kept(standing)[self._kept_of]
 
     def parted(self, surface: SlaveSurface) -> SlaveSurface:
         """The nodes of a surface as they are here, with their parts of the area. Collective."""
@@ -226,7 +238,7 @@ class Samples:
         area = _weighed(around, facet, N, around.areas(facet, places, weights))
         where = around.nodes, around.group, around.starts, around.facets, around.places
         nothing = np.zeros((0, shape.shape[1])), np.zeros(around.corners.shape)
-        self.slaves = Slaves(*where, first, facet, area, shape, N, *nothing, around.kept)
+        self.slaves = Slaves(*where, first, facet, area, shape, N, *nothing, np.empty((0, 3, 3)))
         self._steer(steered)
         self.corners = np.ascontiguousarray(around.corners[facet])
         # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where

@@ -137,7 +137,7 @@ def build(
     with timers("compile"):  # the first call of a kernel loads or compiles it
         modulus = _modulus_by_cell(scene)
         parts = connected_parts(scene.space)
-        contacts = _contacts(scene, modulus, (supports, parts[0], Halves(scene, supports, motion)), state, timers)
+        contacts = _contacts(scene, modulus, (supports, parts[0], Halves(scene, supports)), state, timers)
         entering = [load for load in followed if isinstance(load, Entering)]
         fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:

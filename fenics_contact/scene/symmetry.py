@@ -12,10 +12,8 @@ from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Remark, foremost, spot
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.size import bodies_size, extremes
-from fenics_contact.assembly.stages import Stages
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.assembly.turned import ONE
 from fenics_contact.contact.master import MasterSurface, ToolSurface
 from fenics_contact.contact.mirrors import Mirrors
@@ -32,8 +30,6 @@ BEYOND = 0.05  # of a cell's extent: what lies less deep may be what penalties l
 ASIDE = 0.01  # of a tool's way: less is what balance leaves
 UNLIKE = 0.01  # of how far from a plane a tool presses: by so much its mirror image may be off
 ENDS = 0.9  # distance to a tool over what one goes away from a plane: more is the side of one that ends there
-SAMPLED = (0.25, 0.5, 1.0)  # shares of a stage at which is asked what moves in it
-ROUNDED = 1e-12  # of a tool's way: less across a plane is round-off
 SYMMETRY = "symmetry"  # by which a run remembers what it has said of it
 
 
@@ -100,14 +96,14 @@ class _Held:
 
 
 class Halves:
-    """Planes of symmetry on which contacts go on as their mirror images, in all stages. Construction is collective."""
+    """Planes of symmetry on which contacts go on as their mirror images. Construction is collective."""
 
-    def __init__(self, scene: "Scene", supports: Supports, motion: ToolMotion) -> None:
-        self._near, self._motion, self._planes = FLAT * bodies_size(scene.space), motion, list[_Held]()
-        moved, section, comm = _moved(supports, motion.stages), scene.section, scene.mesh.comm
+    def __init__(self, scene: "Scene", supports: Supports) -> None:
+        self._near, self._planes = FLAT * bodies_size(scene.space), list[_Held]()
+        section, comm = scene.section, scene.mesh.comm
         turned, blocks = section is not None and section.axisymmetric, compat.global_blocks(scene.space)
         for s, place, inward, nodes in _flat_ends(scene):
-            if s.name in moved or (turned and s.direction != (0.0, 1.0, 0.0)):  # else it is a cylinder, or a cone
+            if turned and s.direction != (0.0, 1.0, 0.0):  # else it is a cylinder, or a cone
                 continue
             self._join(float(inward) * np.array(s.direction), inward * place, np.concatenate(comm.allgather(blocks[nodes])))
         if turned:
@@ -123,42 +119,18 @@ class Halves:
         self._planes.append(_Held(normal, place, np.unique(blocks)))
 
     def of(self, slave: MasterSurface, master: MasterSurface | ToolSurface) -> Mirrors:
-        """Those of a contact's surfaces. What does not end on a plane of the slave's, held there, or a tool that may go
-        across, is no mirror image of itself: then the slave slides over the plane."""
-        out = Mirrors([], [])
+        """Those of a contact's surfaces. A body that does not end on a plane of the slave's, held there, is no mirror image
+        of itself: then the slave slides over the plane. So it is with tools that have gone across, or turned out of it."""
+        out = Mirrors([], [], [], self._near)
         for plane in self._planes:
             ours, theirs = plane.on(slave.X, self._near), plane.on(master.X, self._near)
-            if isinstance(master, MasterSurface):
-                met = bool(theirs.any() and np.isin(master.blocks[theirs], plane.blocks).all())
-            else:
-                met = self._stays(master.index, plane.normal)
+            body = isinstance(master, MasterSurface)
+            met = not body or bool(theirs.any() and np.isin(master.blocks[theirs], plane.blocks).all())
             if met and (ours := ours & np.isin(slave.blocks, plane.blocks)).any():
                 out.slave.append((plane.normal, ours))
                 out.master.append((plane.normal, theirs))
+                out.still.append(np.concatenate([ours, theirs if body else np.ones_like(theirs)]))
         return out
-
-    def _stays(self, tool: int, normal: Floats) -> bool:
-        """Whether a tool goes nowhere across a plane, and turns about its normal alone."""
-        motion, turned = self._motion, np.eye(3) - np.outer(normal, normal)
-        for i in range(len(motion.stages)):
-            with motion.stages.foreseen(i):
-                free = np.diag(motion.free[tool].astype(float))
-                ways = [*free, *(motion.prescribed(motion.stages.time(s))[tool] for s in SAMPLED)]
-                for way in ways:
-                    across = np.append(turned @ way[3:], normal @ way[:3])
-                    if np.abs(across).max() > ROUNDED * np.abs(way).max():
-                        return False
-        return True
-
-
-def _moved(supports: Supports, stages: Stages) -> set[str]:
-    """Names of the supports that some stage moves. Collective."""
-    found = set[str]()
-    for i in range(len(stages)):
-        with stages.foreseen(i):
-            said = supports.entries.sampled([stages.time(s) for s in SAMPLED])
-            found |= {name for name, values in said.items() if np.any(values)}
-    return found
 
 
 def tilting(scene: "Scene", system: System, stages: int) -> list[str]:
