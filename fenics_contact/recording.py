@@ -24,7 +24,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.symmetry import SYMMETRY, Symmetry
 from fenics_contact.solvers.arc_length import ArcReport
 from fenics_contact.solvers.report import StepReport
-from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.solvers.verdict import OVERLAPS, Verdict
 from fenics_contact.values import SceneError, shown, text
 
 SEPARATORS = ',"\r\n'  # of a CSV file
@@ -90,7 +90,7 @@ class Recorder:
             self.keeper.keep()
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
-        self.verdict.remark_on(Overlaps.name, self._overlaps.remarks())
+        self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
         self.verdict.remark_on(IMAGES, self._images.remarks())
         self.verdict.remark_on(SYMMETRY, self._symmetry.remarks())
         smallest_J, turned = self._volume_ratio.look()

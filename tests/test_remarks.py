@@ -24,10 +24,10 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from fenics_contact.assembly.finding import CYCLING, INVERTED, OVERLAPS, UNKNOWN, Finding, Remark
+from fenics_contact.assembly.finding import CYCLING, INVERTED, UNKNOWN, Finding, Remark
 from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
 from fenics_contact.output.carrying import Carried, sparse_notes
-from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.solvers.verdict import OVERLAPS, Verdict
 
 pytestmark = pytest.mark.parallel
 SOFT, SIZES = neo_hooke(0.5, 2.0), {"lower_cells": (4, 4, 2), "upper_cells": (3, 3, 2)}

@@ -81,7 +81,7 @@ def test_the_tangent_is_exact_over_the_joint():
     state.u.x.array[:] += 1e-6 * np.random.default_rng(3).uniform(-1, 1, len(state.u.x.array))
     system.foresight.resample(state)
     assert (contact.places.samples.ends[2][:, 1] >= 0).sum() > (contact.places.ends[2][:, 1] >= 0).sum()
-    assert orders(remainders(system, contact, 1e-7)).min() > 1.98
+    assert orders(remainders(system, contact, 2e-7)).min() > 1.98  # half of that leaves what is rounded
 
 
 @pytest.mark.parallel

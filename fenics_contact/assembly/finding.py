@@ -29,7 +29,6 @@ OUT_OF_STEPS = "out of steps"
 UNKNOWN = "no convergence"
 ERROR = "ended by an error"
 
-OVERLAPS = "bodies in bodies"  # by which a run remembers what it has said of bodies that lie in each other
 MOVES = ("moves along x", "moves along y", "moves along z", "turns about x", "turns about y", "turns about z")
 
 

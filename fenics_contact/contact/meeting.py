@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from fenics_contact.assembly.pose import Pose
+from fenics_contact.contact.mirrors import Standing
 from fenics_contact.contact.pairing import Pairing, Walled, in_sight
 from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
@@ -16,7 +17,8 @@ from fenics_contact.types import Bools, Floats
 
 class MortarFeet(NamedTuple):
     """Positions coords (nx, 3) of all slave nodes, then of all master nodes; points (np, 3) of the samples; lengths (np,) of
-    their mean normals; normals (ng, 3) and turns (ns, 3, 4) of kernels/normals.py; what the means meet; pose: of a tool."""
+    their mean normals; normals (ng, 3) and turns (ns, 3, 4) of kernels/normals.py; what the means meet; pose: of a tool;
+    standing: planes of symmetry there, and kept (ns, 3, 3): as of Slaves."""
 
     samples: Samples
     coords: Floats
@@ -26,6 +28,8 @@ class MortarFeet(NamedTuple):
     turns: Floats
     met: kernel.Met
     pose: Pose | None
+    standing: Standing
+    kept: Floats
 
     @property
     def projection(self) -> Projection:
@@ -39,7 +43,7 @@ class MortarFeet(NamedTuple):
 
     def pairs(self, facets: Surface, anchors: kernel.Anchors) -> kernel.Pairs:
         """Samples and the master's facets, as kernels/mortar.py takes them."""
-        return self.coords, self.samples.slaves, facets, self.met, anchors, self.normals
+        return self.coords, self.samples.slaves._replace(kept=self.kept), facets, self.met, anchors, self.normals
 
 
 class Linearised(NamedTuple):

@@ -108,6 +108,7 @@ class MortarPartner(OnFacets):
         averaged, _, N, T, _ = self._laws.tractions(feet, trial)
         law = self._laws.numbers(trial, self._laws.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._laws.share(trial))
+        rates[:, :, 1:4] = rates[:, :, 1:4] @ feet.kept
         pairs, turned, pattern = self._pairs(feet, trial), self._laws.turned(feet), self._pattern
         directed, leading = self._laws.leading(feet, trial.law.friction)
         rough = NORMAL + (ROUGH - NORMAL) * rates[:, 1:, :4].any(axis=(1, 2))

@@ -52,7 +52,8 @@ class NodeAnchors:
         along = np.einsum("nj,njc,njd->ncd", share, n, n) + np.einsum("nj,njc,njd->ncd", share, m, m)
         both = np.einsum("nj,njc,njd->ncd", share * np.einsum("njc,njc->nj", m, n), m, n)
         whole = np.maximum(share.sum(axis=1), 1e-300)[:, None, None]
-        apart = np.linalg.pinv(np.eye(3) + (both - along) / whole, rcond=FLAT)
+        kept = feet.kept[some]
+        apart = np.linalg.pinv(kept @ (np.eye(3) + (both - along) / whole) @ kept, rcond=FLAT)
         slip[some] = np.einsum("ncd,nd->nc", apart, slips[some])
         return kernel.anchors_behind(feet.pairs(self._places.facets, own(anchors)), (renewed, slip))
 

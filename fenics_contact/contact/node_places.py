@@ -12,6 +12,7 @@ from fenics_contact.contact.crossing import Crossing
 from fenics_contact.contact.lost import FIRST_SEARCH
 from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.meeting import MortarFeet, Sights
+from fenics_contact.contact.mirrors import Mirrors, Standing
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind
 from fenics_contact.contact.pairing import Pairing, Watch, in_sight
 from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
@@ -43,9 +44,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
     ring (nf, m): corners of the master's facets; edges (nf, m): from which of them to the next it ends or has a crease;
     ends, beyond: as drawn, see `ends_at`; parted: parts of the master lie side by side without common nodes; surface:
     SlaveSurface of nodes; bends (ns,): `_spread` of their normals as drawn; crossing.skin: all facets of the slave;
-    free (ns, 3, 3): ways that supports leave the nodes, by rows; part: of the mesh, as of `walls_between`. Each process
-    evaluates all samples around its own nodes against the whole master, and so needs nothing of the others. The constructor
-    and methods that take a state are collective.
+    held: as of SlaveFacets; part: of the mesh, as of `walls_between`. Each process evaluates all samples around its own
+    nodes against the whole master, and so needs nothing of the others. The constructor and methods that take a state are
+    collective.
     """
 
     sights: Sights
@@ -57,13 +58,13 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         master: MasterSurface | ToolSurface,
         crossing: Crossing,
         timers: Timers,
-        free: Array,
+        held: tuple[Array, Mirrors],
         part: Ints64,
     ) -> None:
         skin, search = crossing.skin, SEARCH * max(surface.cell_height, master.longest)
         each = 2 if skin.whole else 1  # a facet of degree 2 is as two of degree 1
         joined = np.isin(skin.blocks, master.blocks)
-        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), free, joined)
+        self.around = SlaveFacets(skin, each * samples_for(skin.edge, master.edge), held, joined)
         super().__init__(self.around.parted(surface), master, crossing, (skin.owned, len(skin.X)), search, timers)
         self.skin = skin
         ring, self._walls = self.around.corners, None
@@ -76,8 +77,12 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         starts, edges, sides, smooth = surface_ends(master.corners, normals, cosine)
         m = int(master.corners[1].max(initial=3))
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
-        self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], np.ones(len(self.ring), dtype=bool))
-        self._alone = _alone(self._smooth(X)[0][self._smooth.group], X[self.ring])
+        behind = [(normal, np.append(np.zeros(self.first, dtype=bool), on)) for normal, on in held[1].master]
+        every = np.ones(len(self.ring), dtype=bool)
+        self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], every, behind)
+        self._mirrors, self._X = held[1], np.concatenate([skin.X, master.X])
+        drawn = self._mirrors.standing(np.zeros_like(self._X))
+        self._alone = _alone(self._smooth(X, drawn)[0][self._smooth.group], X[self.ring])
         self._aside: tuple[Floats, Steered] | None = None  # places of all nodes, and what a step from there presses along
         self.beyond = beyond_edges(master.corners)
         creased = np.einsum("fc,fec->fe", normals, normals[self.beyond]) < cosine
@@ -89,7 +94,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         self._watch = Watch(self.comm, np.unique(np.concatenate([skin.owned, master.owned])))  # what positions rest on
         ends, _ = ends_at(self, np.concatenate([skin.X, master.X]))
         self.use(Samples(self.around, self.around.whole, ends))
-        self.bends = _drawn(self)
+        self.bends = _drawn(self, drawn)
 
     def resampled(self, then: MortarFeet, now: MortarFeet, slides: Floats | None) -> MortarFeet:
         """Take samples where the surfaces lie now; returns the feet that they had then, as the last step ended. Collective.
@@ -100,7 +105,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         with self.timers("projection"):
             if slides is not None and (self._aside is None or self._aside[0] is not then.coords):
                 self._aside = then.coords, _steered(self, then, slides)
-            normals, _ = self.around.normals(now.coords)
+            normals, _ = self.around.normals(now.coords, now.standing)
             ends, beyond = ends_at(self, now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites, ends))
@@ -117,7 +122,10 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             along, across = (np.einsum("qi,qic->qc", feet.met[9][:, i], feet.coords[self.facets[0][facet]]) for i in (1, 2))
             theirs = unit(np.cross(along, across))
         else:
-            corners, flat = self._smooth(feet.coords)[0][self._smooth.group[facet]], _flat(feet.coords[self.ring[facet]])
+            corners, flat = (
+                self._smooth(feet.coords, feet.standing)[0][self._smooth.group[facet]],
+                _flat(feet.coords[self.ring[facet]]),
+            )
             corners = corners - self._alone[facet] * _across(corners, flat)
             theirs = unit(np.einsum("qi,qic->qc", feet.met[9][:, 0, : corners.shape[1]], corners))
         return theirs * np.sign(np.einsum("qc,qc->q", ours, theirs))[:, None]
@@ -143,10 +151,12 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
 
     def _at(self, coords: Floats, pose: Pose | None, project: Project) -> MortarFeet:
         """The same of positions coords (nx, 3) and a tool's pose."""
-        normals, turns = self.around.normals(coords)
+        standing = self._mirrors.standing(coords - self._X)
+        normals, turns = self.around.normals(coords, standing)
         points, directions, lengths = self.samples.at(coords, normals)
         met = self._covered(points, coords, project(points, -directions, coords))
-        return MortarFeet(self.samples, coords, points, lengths, normals, turns, met, pose)
+        kept = self.around.kept(standing)
+        return MortarFeet(self.samples, coords, points, lengths, normals, turns, met, pose, standing, kept)
 
     def _covered(self, points: Floats, coords: Floats, projection: Projection) -> kernel.Met:
         """The projection without what lies off the master, and how much of each sample lies over it."""
@@ -193,7 +203,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         """Unit means (ns, 1, 3) of the samples' normals; of (np,): those that count."""
         s = feet.samples
         share = np.where(s.table < 0, 0.0, s.share * of[s.table])
-        return unit(np.einsum("nj,njc->nc", share, feet.projection[5][s.table]))[:, None]
+        sums = np.einsum("nj,njc->nc", share, feet.projection[5][s.table])
+        return unit(np.einsum("ncd,nd->nc", feet.kept, sums))[:, None]
 
     def bare(self, feet: MortarFeet, far: bool = False) -> Floats:
         """Shares (ns,) of the nodes' areas that do not lie over the master; far: however far away it is."""
@@ -282,7 +293,7 @@ def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
     feet = places._at(then.coords, then.pose, partial(places.sights.pairing.project, timers=places.timers))
     theirs, table = places.master_normals(feet), whole.table
     aside, sees, ends = _aside(places, feet, theirs)
-    flat = FLATTER * _spread(np.where((table < 0) | ~sees[table], 0.0, whole.share), theirs[table])
+    flat = FLATTER * _spread(feet.kept, np.where((table < 0) | ~sees[table], 0.0, whole.share), theirs[table])
     lean = slides * places.bends / (places.bends + flat + SETTLED**2)
     lean[((table >= 0) & ends[table]).any(axis=1)] = 0.0
     number = places.around.number
@@ -290,17 +301,18 @@ def _steered(places: NodePlaces, then: MortarFeet, slides: Floats) -> Steered:
     return whole.fitted(then.coords, aside, sees), np.where(places.around.tips, 1.0, part)
 
 
-def _drawn(places: NodePlaces) -> Floats:
+def _drawn(places: NodePlaces, standing: Standing) -> Floats:
     """How far (ns,) normals of the slave spread around each node as it was drawn, see `_spread`."""
     whole, X = places.samples, places.skin.X
-    _, directions, _ = whole.at(X, places.around.normals(X)[0])
-    return _spread(whole.share, directions[whole.table])
+    _, directions, _ = whole.at(X, places.around.normals(X, standing)[0])
+    return _spread(places.around.kept(standing), whole.share, directions[whole.table])
 
 
-def _spread(share: Floats, normals: Floats) -> Floats:
-    """Mean squares (ns,) of what unit normals (ns, J, 3) of samples, with their shares (ns, J), are off their mean by."""
+def _spread(kept: Floats, share: Floats, normals: Floats) -> Floats:
+    """Mean squares (ns,) of what unit normals (ns, J, 3) of samples, with their shares (ns, J), are off their mean by, of
+    which (ns, 3, 3) is kept."""
     whole = np.maximum(share.sum(axis=1), 1e-300)
-    off = normals - (np.einsum("nj,njc->nc", share, normals) / whole[:, None])[:, None]
+    off = normals - (np.einsum("ncd,nj,njd->nc", kept, share, normals) / whole[:, None])[:, None]
     return np.asarray(np.einsum("nj,njc->n", share, off * off) / whole)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
-from fenics_contact.assembly.finding import OVERLAPS, Remark, spot, tidied
+from fenics_contact.assembly.finding import Remark, spot, tidied
 from fenics_contact.assembly.pairs import Image
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.on_facets import PlacesOnFacets
@@ -36,10 +36,8 @@ NEIGHBOUR = (
 class Overlaps:
     """Nodes on the bodies' boundaries, the places where no contact holds them out, and what they may have come into there.
 
-    name: by which a run remembers what it has said of these. Construction is collective.
+    Construction is collective.
     """
-
-    name = OVERLAPS
 
     def __init__(self, system: System) -> None:
         self._system, space, mesh = system, system.space, system.space.mesh

@@ -1,13 +1,16 @@
 """Facets of a slave surface whose contact is averaged at its nodes, their normals, and the samples on them."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from itertools import compress
 
 import basix
 import numpy as np
 
 from fenics_contact.contact.master import MasterSurface, area_vectors
+from fenics_contact.contact.mirrors import MIRRORED, Mirror, Mirrors, Standing, kept
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.broad_phase import candidates
@@ -26,7 +29,6 @@ RINGS = {
     4: np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
 }
 ROUNDED = 1e-13  # of an area: what sums leave
-MIRRORED = np.sin(np.radians(CREASE / 2))  # of a way across an end: with less a facet and its mirror image have no crease
 # (np, 2), (nf, m): parts of their facets' tangents in what is added to the normals of samples, and how much of it where
 # each corner presses
 Steered = tuple[Floats, Floats]
@@ -37,19 +39,31 @@ class CornerNormals:
     """Normals at the corners of facets: means over those around that no crease parts.
 
     X (nx, 3): of the reference; nodes (nf, k) of the facets, corners first; gradients (m, 2, k) of their shape functions at
-    the corners; wanted (nf,): which are asked for. groups: as in kernels/normals.py; group (nf, m): that of each corner.
+    the corners; wanted (nf,): which are asked for; mirrors: planes of symmetry, with the nodes on them. groups: as in
+    kernels/normals.py; group (nf, m): that of each corner.
     """
 
-    def __init__(self, X: Floats, nodes: Ints64, gradients: Floats, wanted: Bools) -> None:
+    def __init__(self, X: Floats, nodes: Ints64, gradients: Floats, wanted: Bools, mirrors: Sequence[Mirror]) -> None:
         self._facets, self.group = (nodes, gradients), np.empty((len(nodes), len(gradients)), dtype=np.int64)
         where = grouped_corners(X, *self._facets, wanted, np.cos(np.radians(CREASE)), self.group)
         angles = corner_angles(X, nodes, len(gradients), *where[1:])
-        self.groups: Groups = *where, *group_slots(*where, *self._facets), angles
+        alone = np.tile(np.eye(3), (len(where[0]) - 1, 1, 1))
+        self.groups: Groups = *where, *group_slots(*where, *self._facets), angles, alone
+        at, self._known = nodes[where[1], where[2]][where[0][:-1]], {(False,) * len(mirrors): alone}
+        self._mirrors, self._drawn = [(normal, on[at]) for normal, on in mirrors], self(X, (False,) * len(mirrors))[0]
 
-    def __call__(self, coords: Floats) -> tuple[Floats, Floats]:
-        """Unit normals (ng, 3) of the groups and their turns (ns, 3, 4), with nodes at coords (nx, 3)."""
+    def kept(self, standing: Standing) -> Floats:
+        """What stays (ng, 3, 3) of the sums of groups with their images behind these planes."""
+        if standing not in self._known:
+            self._known[standing] = kept(self._drawn, list(compress(self._mirrors, standing)))
+        return self._known[standing]
+
+    def __call__(self, coords: Floats, standing: Standing) -> tuple[Floats, Floats]:
+        """Unit normals (ng, 3) of the groups and their turns (ns, 3, 4), with nodes at coords (nx, 3); standing: planes of
+        symmetry there."""
         normals, turns = np.empty((len(self.groups[0]) - 1, 3)), np.empty((len(self.groups[4]), 3, 4))
-        group_normals(coords, *self._facets, self.groups, normals, turns)
+        groups = *self.groups[:7], self.kept(standing)
+        group_normals(coords, *self._facets, groups, normals, turns)
         return normals, turns
 
 
@@ -63,11 +77,11 @@ class SlaveFacets:
     corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
     the reference; nearest: the least one of the FEWEST samples in a unit facet; tips (nf, m): which corners are ends or
-    creases of the surface; free (n, 3, 3): ways that supports leave the nodes, by rows; joined (nx,): which nodes of
-    the surface the master has, too. Collective.
+    creases of the surface; held: ways (n, 3, 3) that supports leave the nodes, by rows, and the planes of symmetry of
+    both surfaces; joined (nx,): which nodes of the surface the master has, too. Collective.
     """
 
-    def __init__(self, skin: MasterSurface, count: int, free: Array, joined: Bools) -> None:
+    def __init__(self, skin: MasterSurface, count: int, held: tuple[Array, Mirrors], joined: Bools) -> None:
         self._skin = skin
         (nodes, size), (flat, around) = skin.facets, skin.corners
         m = int(around[0]) if len(around) else 4
@@ -78,7 +92,8 @@ class SlaveFacets:
         mine = own.any(axis=1)
         self.nodes, self.corners = np.ascontiguousarray(every[mine]), np.ascontiguousarray(ends[mine])
         self._size = int(size[0]) if len(size) else m
-        self.normals = CornerNormals(skin.X, every, self.shapes(RINGS[m])[1], mine)
+        free, mirrors = held
+        self.normals = CornerNormals(skin.X, every, self.shapes(RINGS[m])[1], mine, mirrors.slave)
         self.groups, self.group = self.normals.groups, np.ascontiguousarray(self.normals.group[mine])
         here, self.number = own[mine], np.full(self.corners.shape, -1)
         pairs = np.column_stack([np.searchsorted(self.own, self.corners[here]), _sides(self.groups)[self.group[here]]])
@@ -89,6 +104,8 @@ class SlaveFacets:
         order = np.argsort(self.number[f, c], kind="stable")
         self.facets, self.places, owner = f[order], c[order], self.number[f, c][order]
         self.starts = np.searchsorted(owner, np.arange(len(self.own) + 1))
+        first = self.starts[:-1]  # all of a node's facets lie on the same side of its creases
+        self._kept_of = self.group[self.facets[first], self.places[first]]
         part = QUADRATIC if skin.whole else LINEAR
         # of a strip, which is the same all the way across, one across it; near nodes alone have pressures, far ones the same
         strip = skin.section is not None
@@ -102,6 +119,10 @@ class SlaveFacets:
         self.tips = np.isin(self.corners, self._ends(free[self.of])) & ~joined[self.corners]  # there it goes on
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
         self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
+
+    def kept(self, standing: Standing) -> Floats:
+        """What counts (ns, 3, 3) of the nodes' mean ways, as of Slaves, where these are planes of symmetry."""
+        return self.normals.kept(standing)[self._kept_of]
 
     def parted(self, surface: SlaveSurface) -> SlaveSurface:
         """The nodes of a surface as they are here, with their parts of the area. Collective."""
@@ -217,7 +238,7 @@ class Samples:
         area = _weighed(around, facet, N, around.areas(facet, places, weights))
         where = around.nodes, around.group, around.starts, around.facets, around.places
         nothing = np.zeros((0, shape.shape[1])), np.zeros(around.corners.shape)
-        self.slaves = Slaves(*where, first, facet, area, shape, N, *nothing)
+        self.slaves = Slaves(*where, first, facet, area, shape, N, *nothing, np.empty((0, 3, 3)))
         self._steer(steered)
         self.corners = np.ascontiguousarray(around.corners[facet])
         # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where

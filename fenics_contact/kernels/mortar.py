@@ -52,6 +52,7 @@ from fenics_contact.kernels.vectors import (
     less,
     minus,
     norm,
+    of_block,
     of_nodes,
     planar,
     plus,
@@ -80,7 +81,8 @@ class Slaves(NamedTuple):
     (ne,): where each slave node is a corner; first (nf + 1,): where each facet's samples begin; facet (np,): whose a sample
     is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there;
     aside (np, k): parts of the nodes in what is added to normals where corners press that are ends or creases, or slide, see
-    `aside`; (0, k): nothing is; leans (nf, m): how much of it.
+    `aside`; (0, k): nothing is; leans (nf, m): how much of it; kept (ns, 3, 3): what counts of each node's mean way, on
+    planes of symmetry its part in them: across them that of the samples' images is opposite.
     """
 
     nodes: Ints64
@@ -95,6 +97,7 @@ class Slaves(NamedTuple):
     N: Floats
     aside: Floats
     leans: Floats
+    kept: Floats
 
 
 Pairs = tuple[Floats, Slaves, Surface, Met, Anchors, Floats]
@@ -204,7 +207,7 @@ def averages(pairs: Pairs) -> Averaged:
         if areas[A] > 0.0:
             gaps[A] = gap / areas[A]
         if anchored[A] > 0.0:
-            ways[A, 0], ways[A, 1], ways[A, 2] = times(1.0 / anchored[A], way)
+            ways[A, 0], ways[A, 1], ways[A, 2] = of_block(slaves.kept, A, times(1.0 / anchored[A], way))
     return gaps, ways, areas, anchored, whole
 
 

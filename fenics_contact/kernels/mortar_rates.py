@@ -23,6 +23,7 @@ from fenics_contact.kernels.vectors import (
     got,
     less,
     minus,
+    of_block,
     of_nodes,
     planar,
     plus,
@@ -394,5 +395,5 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
         if averaged[2][A] > 0.0:
             changes[A, 0] = total / averaged[2][A]
         if averaged[3][A] > 0.0:
-            changes[A, 1], changes[A, 2], changes[A, 3] = times(1.0 / averaged[3][A], way)
+            changes[A, 1], changes[A, 2], changes[A, 3] = of_block(slaves.kept, A, times(1.0 / averaged[3][A], way))
     return changes

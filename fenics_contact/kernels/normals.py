@@ -9,6 +9,7 @@ settled once.  Groups travel as a tuple:
     slot_nodes (ns,)      nodes the group's normal depends on, each once
     slots (ne, k)         which of these each node of the facet is; -1: the normal at this corner does not feel it
     angles (ne,)          of the facets at the node
+    kept (ng, 3, 3)       what stays of the sum over these facets if the images of all behind planes of symmetry join it
 """
 
 import math
@@ -16,11 +17,11 @@ import math
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, got, less, minus, norm, plus, put, row, times
+from fenics_contact.kernels.vectors import ZERO, Vector, cross, dot, got, less, minus, norm, of_block, plus, put, row, times
 from fenics_contact.types import Bools, Floats, Ints64
 
 CREASE = 30.0  # degrees between facets from which on they do not share a normal
-Groups = tuple[Ints64, Ints64, Ints64, Ints64, Ints64, Ints64, Floats]
+Groups = tuple[Ints64, Ints64, Ints64, Ints64, Ints64, Ints64, Floats, Floats]
 
 
 @njit(cache=True)
@@ -123,7 +124,7 @@ def group_slots(
 def group_normals(coords: Floats, nodes: Ints64, gradients: Floats, groups: Groups, normals: Floats, turns: Floats) -> None:
     """Fill unit normals (ng, 3) and turns (ns, 3, 3), or (ns, 3, 4) with zeros behind: a normal moves by the sum of its
     slots' turns times their motion."""
-    starts, facets, places, slot_starts, _, slots, angles = groups
+    starts, facets, places, slot_starts, _, slots, angles, kept = groups
     turns[:] = 0.0
     for g in range(len(normals)):
         total = ZERO
@@ -139,10 +140,12 @@ def group_normals(coords: Floats, nodes: Ints64, gradients: Floats, groups: Grou
                     share = angles[e] / size
                     arm = less(times(share * gradients[c, 1, i], t1), share * gradients[c, 0, i], t2)
                     _add_turn(turns, slots[e, i], arm, n)
+        total = of_block(kept, g, total)
         length = max(norm(total), 1e-300)
         mean = times(1.0 / length, total)
         normals[g, 0], normals[g, 1], normals[g, 2] = mean
         for s in range(slot_starts[g], slot_starts[g + 1]):
+            _keep(turns, s, kept, g)
             across = of_rows(mean, got(turns, s, 0), got(turns, s, 1), got(turns, s, 2))
             for a in range(3):
                 for b in range(3):
@@ -153,6 +156,14 @@ def group_normals(coords: Floats, nodes: Ints64, gradients: Floats, groups: Grou
 def of_rows(n: Vector, r0: Vector, r1: Vector, r2: Vector) -> Vector:
     """n^T times the matrix with rows r0, r1, r2."""
     return less(less(times(n[0], r0), -n[1], r1), -n[2], r2)
+
+
+@njit(cache=True)
+def _keep(turns: Floats, s: int, kept: Floats, g: int) -> None:
+    """turns[s] = kept[g] turns[s]."""
+    r0, r1, r2 = got(turns, s, 0), got(turns, s, 1), got(turns, s, 2)
+    for a in range(3):
+        put(turns, s, a, of_rows(got(kept, g, a), r0, r1, r2))
 
 
 @njit(cache=True)

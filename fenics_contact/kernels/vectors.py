@@ -122,6 +122,12 @@ def of_nodes(weights: Floats, q: int, nodes: Ints64, x: Floats) -> Vector:
 
 
 @njit(cache=True)
+def of_block(blocks: Floats, i: int, w: Vector) -> Vector:
+    """The matrix blocks[i] (3, 3) times w."""
+    return dot(got(blocks, i, 0), w), dot(got(blocks, i, 1), w), dot(got(blocks, i, 2), w)
+
+
+@njit(cache=True)
 def of_three(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
     """w_0 a + w_1 b + w_2 c."""
     return (

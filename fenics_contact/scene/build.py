@@ -61,6 +61,7 @@ from fenics_contact.scene.pairs import ways_of
 from fenics_contact.scene.stage import Only, Stage
 from fenics_contact.scene.start import Start, begin, let_go
 from fenics_contact.scene.statements import ContactStatement, Entering, Load, called
+from fenics_contact.scene.symmetry import Halves
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import solid_term
 from fenics_contact.solid.materials import Material, young
@@ -73,6 +74,7 @@ if TYPE_CHECKING:  # which asks for its System here
     from fenics_contact.scene.scene import Scene
 
 Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and what it follows
+Held = tuple[Supports, Ints64, Halves]  # by what nodes are held, the parts of all local ones, and planes of symmetry
 
 HARDER = 3.0  # times Young's modulus of the master: slaves as stiff as that, or less, give way to its facets
 ROUNDED = 1e-12  # of a fluid's largest pressure: a function of nodes' places is rounded as these are
@@ -135,7 +137,7 @@ def build(
     with timers("compile"):  # the first call of a kernel loads or compiles it
         modulus = _modulus_by_cell(scene)
         parts = connected_parts(scene.space)
-        contacts = _contacts(scene, modulus, supports, parts[0], state, timers)
+        contacts = _contacts(scene, modulus, (supports, parts[0], Halves(scene, supports)), state, timers)
         entering = [load for load in followed if isinstance(load, Entering)]
         fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:
@@ -307,18 +309,16 @@ def _held(
 
 
 # -- contact ----------------------------------------------------------------------------------------------------------
-def _contacts(
-    scene: "Scene", modulus: Floats, supports: Supports, part: Ints64, state: State, timers: Timers
-) -> list[Contact]:
-    """The terms of all stated contacts; modulus (cells,): Young's; part: that of each local node. Collective."""
+def _contacts(scene: "Scene", modulus: Floats, held: Held, state: State, timers: Timers) -> list[Contact]:
+    """The terms of all stated contacts; modulus (cells,): Young's; held: by what. Collective."""
     found = []
     for stated in scene.contacts:
         points = stated.points if isinstance(stated.points, str) else int(stated.points)
         softer = np.minimum(modulus, _hardest(scene, stated.master, modulus))
         surface = slave_surface(scene.space, scene.mesh.facets(*stated.slave), softer, points, scene.section)
-        partner = _partner(scene, stated, surface, timers, (supports, part))
+        partner = _partner(scene, stated, surface, timers, held)
         interface = Interface(stated.friction, stated.penalty, stated.penetration)
-        contact = Contact(stated.name, partner, interface, supports, state, timers)
+        contact = Contact(stated.name, partner, interface, held[0], state, timers)
         touch = contact.trial.law.touch
         if stated.penetration is not None and stated.penetration < touch:
             raise SceneError(
@@ -344,11 +344,9 @@ def _hardest(scene: "Scene", master: Tool | tuple[str, ...], modulus: Floats) ->
     return float(scene.mesh.comm.allreduce(modulus[cells].max(initial=0.0), op=MPI.MAX))
 
 
-def _partner(
-    scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers, held: tuple[Supports, Ints64]
-) -> Partner:
-    """Whom the slave points of a stated contact meet; held: by what, and the parts of all local nodes. Collective."""
-    master, (supports, part) = stated.master, held
+def _partner(scene: "Scene", stated: ContactStatement, surface: SlaveSurface, timers: Timers, held: Held) -> Partner:
+    """Whom the slave points of a stated contact meet; held: by what. Collective."""
+    master, (supports, part, halves) = stated.master, held
     if isinstance(master, RigidTool):
         return RigidPartner(surface, master, scene.tools.index(master))
     met: MasterSurface | ToolSurface
@@ -365,8 +363,8 @@ def _partner(
         other = MasterSurface(scene.space, scene.mesh.facets(*master), scene.section, True)
     crossing = Crossing(skin, other, supports.free(skin.owned), scene.section is not None, part)
     if stated.points == "averages":
-        free = supports.free(surface.nodes)[:, 0]
-        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, met, crossing, timers, free, part))
+        ways = supports.free(surface.nodes)[:, 0], halves.of(skin, met)
+        return (MeshedToolAverages if tool else MortarPartner)(name, NodePlaces(surface, met, crossing, timers, ways, part))
     where = surface, oriented_facets(scene.space, slave), met, crossing, scene.space, timers
     if scene.degree == 2 and not tool:
         return QuadraticPartner(name, QuadraticPlaces(*where))

@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # which states them
     from fenics_contact.scene.scene import Scene
 
 STILL = 1e-9  # of a force: what may lie between the end of a stage and the start of the next
+AXIS = "the axis along x"  # by which messages call what keeps bodies of revolution on it
 ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 
 
@@ -60,7 +61,7 @@ def supports_of(
     if section is not None and section.axisymmetric:
         size = max(mesh.comm.allgather(np.abs(X).max(initial=0.0)))
         on_axis = np.flatnonzero(X[:, 0] <= ON_AXIS * size)
-        stated_of.append(("the axis along x", on_axis, np.eye(3)[0], partial(_still, stages)))
+        stated_of.append((AXIS, on_axis, np.eye(3)[0], partial(_still, stages)))
     for pair, held in paired.on_axis if paired else ():
         nodes = np.flatnonzero(np.isin(keys, held))
         stated_of += [(f"{pair.what} on its axis", nodes, way, partial(_still, stages)) for way in pair.across]

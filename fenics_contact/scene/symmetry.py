@@ -11,10 +11,16 @@ from fenics_contact import compat
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Remark, foremost, spot
 from fenics_contact.assembly.pose import Pose
-from fenics_contact.assembly.size import extremes
+from fenics_contact.assembly.size import bodies_size, extremes
+from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.turned import ONE
+from fenics_contact.contact.master import MasterSurface, ToolSurface
+from fenics_contact.contact.mirrors import Mirrors
 from fenics_contact.contact.rigid_places import RigidPlaces, distances_to, pressed
-from fenics_contact.types import Bools, Floats, Ints
+from fenics_contact.scene.drives import AXIS
+from fenics_contact.scene.statements import Support
+from fenics_contact.types import Bools, Floats, Ints, Ints64
 
 if TYPE_CHECKING:  # which states them
     from fenics_contact.scene.scene import Scene
@@ -47,23 +53,84 @@ class Plane:
 
 def planes_of(scene: "Scene") -> list[Plane]:
     """The planes of symmetry that a scene's supports state. Collective."""
-    held: dict[tuple[str, ...], set[int | None]] = {}
+    return [
+        Plane("+".join(s.group), s.axis, place, inward, nodes)
+        for s, place, inward, nodes in _flat_ends(scene)
+        if s.axis is not None
+    ]
+
+
+def _flat_ends(scene: "Scene") -> list[tuple[Support, float, int, Ints]]:
+    """Supports that hold a flat end of the bodies along its normal alone, as they stand in the scene, where along that it
+    is, on which side the bodies are, and its local nodes. Collective."""
+    held: dict[tuple[str, ...], set[tuple[float, ...]]] = {}
     for support in scene.supports:
-        held.setdefault(support.group, set()).add(support.axis)
+        held.setdefault(support.group, set()).add(support.direction)
     X, comm, found = scene.space.tabulate_dof_coordinates(), scene.mesh.comm, []
-    low, high = extremes(comm, X)
-    near = FLAT * float(np.max(high - low))
+    near = FLAT * bodies_size(scene.space)
     for s in scene.supports:
-        axis, zero = s.axis, isinstance(s.value, float) and s.value == 0.0
-        if not zero or held[s.group] != {axis} or axis is None or not set(s.group) <= set(scene.mesh.surfaces):
+        zero = isinstance(s.value, float) and s.value == 0.0
+        if not zero or len(held[s.group]) > 1 or not set(s.group) <= set(scene.mesh.surfaces):
             continue
-        nodes = compat.locate_blocks(scene.space, scene.mesh.facets(*s.group))
-        least, most = extremes(comm, X[nodes])
-        place = float(least[axis])
-        ends = [inward for inward, end in ((1, low), (-1, high)) if abs(place - end[axis]) < near]
-        if most[axis] - least[axis] < near and ends:
-            found.append(Plane("+".join(s.group), axis, place, ends[0], nodes))
+        nodes, along = compat.locate_blocks(scene.space, scene.mesh.facets(*s.group)), X @ np.array(s.direction)
+        ((least,), (most,)), ((low,), (high,)) = (extremes(comm, part[:, None]) for part in (along[nodes], along))
+        ends = [inward for inward, end in ((1, low), (-1, high)) if abs(least - end) < near]
+        if most - least < near and ends:
+            found.append((s, float(least), ends[0], nodes))
     return found
+
+
+@dataclass
+class _Held:
+    """A plane of symmetry: its normal (3,), which points to the bodies, where along that it is [length], and the numbers,
+    over all ranks, of the nodes that are held on it."""
+
+    normal: Floats
+    place: float
+    blocks: Ints64
+
+    def on(self, X: Floats, near: float) -> Bools:
+        """Which of the places (n, 3) lie on it, none where some lie beyond: what reaches across has no end here."""
+        ahead = X @ self.normal - self.place
+        return (np.abs(ahead) < near) & bool(ahead.min(initial=0.0) > -near)
+
+
+class Halves:
+    """Planes of symmetry on which contacts go on as their mirror images. Construction is collective."""
+
+    def __init__(self, scene: "Scene", supports: Supports) -> None:
+        self._near, self._planes = FLAT * bodies_size(scene.space), list[_Held]()
+        section, comm = scene.section, scene.mesh.comm
+        turned, blocks = section is not None and section.axisymmetric, compat.global_blocks(scene.space)
+        for s, place, inward, nodes in _flat_ends(scene):
+            if turned and s.direction != (0.0, 1.0, 0.0):  # else it is a cylinder, or a cone
+                continue
+            self._join(float(inward) * np.array(s.direction), inward * place, np.concatenate(comm.allgather(blocks[nodes])))
+        if turned:
+            on_axis = supports.entries.parted[supports.entries.names.index(AXIS)]
+            self._join(np.eye(3)[0], 0.0, np.concatenate(comm.allgather(blocks[on_axis])))
+
+    def _join(self, normal: Floats, place: float, blocks: Ints64) -> None:
+        """Take nodes held on a plane to those of the same one, or to a new one."""
+        for one in self._planes:
+            if np.linalg.norm(one.normal - normal) < ONE and abs(one.place - place) < self._near:
+                one.blocks = np.union1d(one.blocks, blocks)
+                return
+        self._planes.append(_Held(normal, place, np.unique(blocks)))
+
+    def of(self, slave: MasterSurface, master: MasterSurface | ToolSurface) -> Mirrors:
+        """Those of a contact's surfaces. A body that does not end on a plane of the slave's, held there, is no mirror image
+        of itself: then the slave slides over the plane. So it is with tools that have gone across, or turned out of it."""
+        out = Mirrors([], [], [], self._near)
+        for plane in self._planes:
+            ours, theirs = plane.on(slave.X, self._near), plane.on(master.X, self._near)
+            body = isinstance(master, MasterSurface)
+            met = not body or bool(theirs.any() and np.isin(master.blocks[theirs], plane.blocks).all())
+            if met and (ours := ours & np.isin(slave.blocks, plane.blocks)).any():
+                out.slave.append((plane.normal, ours))
+                out.master.append((plane.normal, theirs))
+                out.still.append(np.concatenate([ours, theirs if body else np.ones_like(theirs)]))
+        return out
 
 
 def tilting(scene: "Scene", system: System, stages: int) -> list[str]:

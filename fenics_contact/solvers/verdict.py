@@ -10,7 +10,6 @@ from fenics_contact.assembly.finding import (
     CONVERGED,
     CYCLING,
     MEMORY,
-    OVERLAPS,
     TOO_STIFF,
     UNKNOWN,
     Finding,
@@ -25,6 +24,7 @@ SHORTENED, JUMPED, SPRUNG = "increments shortened", "with loads and drives held"
 ALIKE = {SHORTENED: SHORTENED, JUMPED: "the state jumped", SPRUNG: "soft springs held what nothing else did"}
 # Words of notes on what was overcome, of which nothing is in the result: they come last
 OVERCOME = (" cut back: ", " nothing in the result: ", "to which the result belongs", SHORTENED)
+OVERLAPS = "bodies in bodies"  # by which is remembered what has been said of bodies that lie in each other
 APART = "state the contact without which bodies lie in each other, as the note on that says,"  # before anything else
 GREW = 1.5  # times what was said of a term first: what is worse later is worth a note at the end
 # Kinds of failure in the words of cut-backs, where what they name may yet be in the result, found in shorter steps

@@ -27,7 +27,8 @@ def averaged(x, nodes, gradients, degrees=30.0):
     group = np.empty((len(nodes), gradients.shape[0]), dtype=np.int64)
     every = np.ones(len(nodes), dtype=bool)
     found = grouped_corners(x, nodes, gradients, every, np.cos(np.radians(degrees)), group)
-    groups = *found, *group_slots(*found, nodes, gradients), corner_angles(x, nodes, gradients.shape[0], *found[1:])
+    angles, alone = corner_angles(x, nodes, gradients.shape[0], *found[1:]), np.tile(np.eye(3), (len(found[0]) - 1, 1, 1))
+    groups = *found, *group_slots(*found, nodes, gradients), angles, alone
 
     def at(coords):
         normals, turns = np.empty((len(groups[0]) - 1, 3)), np.empty((len(groups[4]), 3, 3))
