@@ -1,10 +1,11 @@
-"""Friction of two bodies: a block drawn far over an irregular mesh of tetrahedra, and cylinders that slip in part."""
+"""Friction of two bodies: blocks drawn far over irregular meshes of tetrahedra, and cylinders that slip in part."""
 
 import gmsh
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, from_elastic, read_gmsh, solve
+from fenics_contact import Body, Motion, Scene, Stage, compat, from_elastic, neo_hooke, read_gmsh, rigid_hub, solve
+from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.meshes import two_cylinders
 from fenics_contact.solvers.linear import LinearSolver
@@ -64,6 +65,89 @@ def test_a_block_drawn_over_fifty_facets_feels_none_of_them(points):
     # what balances the dead pressure is 1e-8 of all forces off; slopes of the faces are strains, PRESSURE/E = 5e-4
     assert np.abs(force[:, 2] / (PRESSURE * 4.0) - 1.0).max() < 1e-5
     assert np.abs(ratio / FRICTION - 1.0).max() < 5e-4 and np.abs(np.diff(ratio)).max() < 5e-4 * FRICTION
+
+
+# -- a block of degree 2 on a pad that is the slave: samples beside its ends miss it -------------------------------------
+def block_on_pad(size=0.4):
+    for name, box, h in (("block", (0.4, 0.3, 0, 0.8, 0.6, 0.4), 0.8 * size), ("pad", (0, 0, -0.5, 2.4, 1.2, 0.5), size)):
+        tag = gmsh.model.occ.addBox(*box)
+        gmsh.model.occ.synchronize()
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag]), name)
+        for _, face in gmsh.model.getBoundary([(3, tag)], oriented=False):
+            if abs(gmsh.model.getNormal(face, [0.5, 0.5])[2]) > 0.9:
+                side = "bottom" if gmsh.model.occ.getCenterOfMass(2, face)[2] < box[2] + 0.1 else "top"
+                gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [face]), f"{name}_{side}")
+        gmsh.model.mesh.setSize(gmsh.model.getBoundary([(3, tag)], recursive=True), h)
+    gmsh.model.mesh.generate(3)
+
+
+def on_pad():
+    """The mesh, the scene and the hub that leads the block."""
+    mesh = read_gmsh(block_on_pad)
+    scene = Scene(*(Body(mesh, name, neo_hooke(mu, 4.0 * mu)) for name, mu in (("block", 0.5), ("pad", 1.0))), degree=2)
+    scene.fix("pad_bottom")
+    hub = rigid_hub("hub", (0.8, 0.6, 0.4))
+    scene.tie("block_top", hub)
+    scene.contact("pad_top", "block_bottom", 0.3, name="c")
+    return mesh, scene, hub
+
+
+def misses(feet):
+    """Which samples have a foot beyond the border of its triangle."""
+    s, t = feet.projection[3].T
+    return (feet.projection[1] != NONE) & (np.minimum(np.minimum(s, t), 1.0 - s - t) < -1e-6)
+
+
+@pytest.mark.serial
+def test_a_sample_that_misses_the_master_keeps_its_facet_while_sights_are_held():
+    """Beyond a corner of its end two facets, continued, lie as near: forces jump from the nodes of one to the other's."""
+    mesh, scene, _ = on_pad()
+    system = scene.system()
+    state, contact = system.state, system.contacts[0]
+    cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag("block")]
+    block = np.unique(compat.cell_dofs(scene.space)[cells])
+
+    def at(way):
+        u = np.zeros((len(state.u.x.array) // 3, 3))
+        u[block] = way, 0.3 * way, -0.01
+        state.u.x.array[:] = u.ravel()
+        force = np.zeros_like(state.u.x.array)
+        contact.add_residual(state, force, np.zeros_like(system.tool_residual))
+        return contact.places.feet(state), force
+
+    def changed(one, other):
+        seen = misses(one) & misses(other) & (one.met[6] > 0.1) & (other.met[6] > 0.1)
+        return (seen & (one.projection[0] != other.projection[0])).any()
+
+    ways = np.arange(0.0, 0.4, 0.004)
+    before, after = next((a, b) for a, b in zip(ways[:-1], ways[1:], strict=True) if changed(at(a)[0], at(b)[0]))
+    while after - before > 1e-9:
+        middle = 0.5 * (before + after)
+        before, after = (before, middle) if changed(at(before)[0], at(middle)[0]) else (middle, after)
+    jump = np.linalg.norm(at(after)[1] - at(before)[1])
+    feet, force = at(before)
+    contact.hold_sights(state)
+    held, now = at(after)
+    np.testing.assert_array_equal(held.projection[0][misses(feet)], feet.projection[0][misses(feet)])
+    assert np.linalg.norm(now - force) < 1e-4 * jump
+    contact.rollback()
+    at(0.0)
+    assert changed(feet, at(after)[0])  # free again
+
+
+@pytest.mark.parallel
+def test_a_block_dragged_over_a_pad_where_samples_beside_its_end_pass_from_facet_to_facet():
+    """On either side of such a place no state was in balance under what it saw itself: "no convergence" after 14 cut-backs,
+    whatever the steps. It slides: T = mu N, but for what acts aside at its edges."""
+    forces = []
+    for steps in (8, 12):
+        _, scene, hub = on_pad()
+        drag = Stage("drag", move={hub: Motion(x=0.8)}, steps=steps)
+        result = solve(scene, stages=[Stage("press", move={hub: Motion(z=-0.04)}, steps=1), drag]).require()
+        assert result.verdict.cuts == 0
+        forces.append([result.column(f"hub_force_{axis}_N")[-1] for axis in "xz"])
+    assert abs(forces[1][0]) == pytest.approx(0.3 * abs(forces[1][1]), rel=0.02)
+    np.testing.assert_allclose(*forces, rtol=0.02)
 
 
 # ---- partial slip of two equal cylinders (Cattaneo 1938, Mindlin 1949; Johnson 1985, 7.2)

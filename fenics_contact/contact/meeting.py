@@ -4,14 +4,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
+import numpy as np
+
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.contact.mirrors import Standing
-from fenics_contact.contact.pairing import Pairing, Walled, in_sight
+from fenics_contact.contact.pairing import Pairing, Seek, Walled, in_sight
 from fenics_contact.contact.samples import Samples
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.coverage import Sight
 from fenics_contact.kernels.facets import Surface
+from fenics_contact.timing import Timers
 from fenics_contact.types import Bools, Floats
 
 
@@ -58,21 +61,29 @@ class Linearised(NamedTuple):
 class Sights:
     """Which facets of the master look towards the samples: judged wherever these are, or held as it was at some feet.
 
-    Beside a crease of the master a foot on its far side comes and goes with that, and the mean of a node jumps. facets,
-    corners: the master's; walled: as of a Pairing; pairing: what finds feet among those in sight; held: None, or by what
-    it is judged.
+    Beside a crease of the master a foot on its far side comes and goes with that, and the mean of a node jumps. So it does
+    beyond a corner of its end, where two facets, continued, are missed by as little: a sample that misses the master keeps
+    the one that it has while sights are held. facets, corners: the master's; walled: as of a Pairing; pairing: what finds
+    feet among those in sight; held: None, or by what it is judged.
     """
 
     def __init__(self, facets: Surface, corners: Surface, search: float, walled: Walled | None) -> None:
         self._facets, self._corners, self._search, self._walled = facets, corners, search, walled
-        self._free = self.pairing = Pairing(facets, in_sight(corners), search, walled=walled)
+        self._free = self.pairing = self._seeking(in_sight(corners))
         self.held: Sight | None = None
         self._accepted: tuple[Sight | None, Pairing] = None, self.pairing
 
-    def hold(self, feet: MortarFeet) -> None:
+    def hold(self, feet: MortarFeet, timers: Timers) -> None:
         """From the next change of the state on, until `free`."""
-        self.held = feet.projection[5], feet.coords
-        self.pairing = Pairing(self._facets, in_sight(self._corners, self.held), self._search, walled=self._walled)
+        facet, kind, *_, normals = feet.projection
+        self.held = normals, feet.coords
+        strict = self._seeking(in_sight(self._corners, self.held, beyond=0.0))
+        met = strict.project(feet.points, -normals, feet.coords, timers)[1] != NONE
+        kept = np.where(met | (kind == NONE), -1, facet)
+        self.pairing = self._seeking(in_sight(self._corners, self.held, kept))
+
+    def _seeking(self, seek: Seek) -> Pairing:
+        return Pairing(self._facets, seek, self._search, walled=self._walled)
 
     def free(self) -> None:
         """From the next change of the state on."""

@@ -134,14 +134,18 @@ def along_normals(beyond: float, quadratic: bool = False) -> Seek:
     return Seek(fill, beyond)
 
 
-def in_sight(corners: Surface, held: coverage.Sight | None = None) -> Seek:
+def in_sight(
+    corners: Surface, held: coverage.Sight | None = None, kept: Ints64 | None = None, beyond: float = FAR_BEYOND
+) -> Seek:
     """Seeks along given unit normals (np, 3) out of the slave among the facets (their corners) that look towards the points
-    as a whole, for so their ends are found, too; held: in a sight that is held. By its slope at the foot alone a curved
-    facet came and went under a sample, with all of its share."""
+    as a whole, for so their ends are found, too; held: in a sight that is held; kept (np,): the facet that alone a point is
+    paired with, -1: any. By its slope at the foot alone a curved facet came and went under a sample, with all of its
+    share."""
 
     def fill(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
         rays = slave_rays if master[1][0].shape[1] == MAX_NODES else quadratic_rays
         seen = coverage.in_sight(lists, held or (-normals, master[0]), corners)
-        rays(points, -normals, master, seen, (search, FAR_BEYOND, FACING), out)
+        seen = seen if kept is None else coverage.kept(seen, kept)
+        rays(points, -normals, master, seen, (search, beyond, FACING), out)
 
-    return Seek(fill, FAR_BEYOND)
+    return Seek(fill, beyond)

@@ -170,7 +170,7 @@ class Contact(ContactTerm):
         sights = self.places.sights
         if sights is None or sights.held is not None:
             return False
-        sights.hold(self.places.feet(state))
+        sights.hold(self.places.feet(state), self.timers)
         return True
 
     def resample(self, state: State) -> bool:

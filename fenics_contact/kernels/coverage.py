@@ -71,6 +71,23 @@ def in_sight(lists: Lists, sight: Sight, surface: Surface) -> Lists:
     return starts, kept[:count]
 
 
+@njit(cache=True)
+def kept(lists: Lists, facets: Ints64) -> Lists:
+    """Of the facets listed for each sample those of samples that have no facet of their own (np,), -1; else that alone."""
+    offsets, listed = lists
+    starts, out, count = np.zeros_like(offsets), np.empty(len(listed) + len(facets), np.int64), 0
+    for q in range(len(facets)):
+        if facets[q] >= 0:
+            out[count] = facets[q]
+            count += 1
+        else:
+            for f in listed[offsets[q] : offsets[q + 1]]:
+                out[count] = f
+                count += 1
+        starts[q + 1] = count
+    return starts, out[:count]
+
+
 class Walls(NamedTuple):
     """Flat facets as their bodies were drawn, the slave's and the master's `others`: middles (n, 3), unit normals (n, 3) out
     of them, longest sides (n,) [length], and parts (n,), alike in what hangs together; thick (n,): how thick the slave's

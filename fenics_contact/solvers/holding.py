@@ -200,8 +200,8 @@ def _sliding_rigidly(
     if not held.size:
         return None
     loose = _reliant(system).union(system.tools.names)
-    if rest == HELD and not any(name in loose for name, _ in moving_parts(motions, held)):
-        return None  # supports hold them, though more softly than endless friction would
+    if not any(name in loose for name, _ in moving_parts(motions, held)):
+        return None  # supports or prescribed tools hold them, though more softly than endless friction would
     how = "friction alone holds" if rest == HELD else f"friction gives all but {np.abs(values).min():.0%} of what holds"
     end = "a greater push has no balance" if rest == HELD else "it slides, and no balance has been found near"
     return _slides(system, motions, held, used, how, end)
