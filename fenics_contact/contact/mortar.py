@@ -52,8 +52,10 @@ class MortarPartner(OnFacets):
         """With samples where the surfaces lie at feet; nodes have the ways since anchors and rests that they had."""
         h = trial.history
         ways = [self._laws.averages(h.feet, anchors)[1] for anchors in (h.anchors, h.rests)] if trial.rough else []
-        then = self.places.resampled(h.feet, feet, self._slides(trial) if trial.rough else None)
+        then, come = self.places.resampled(h.feet, feet, self._slides(trial) if trial.rough else None)
         anchors, rests = [self.anchors.trailing(then, way) for way in ways] or [self.anchors.here(then, trial)] * 2
+        if come is not None:
+            anchors = self.anchors.coming(then, come, anchors)
         return trial.remembering(anchors=anchors, rests=rests, before=anchors, feet=then)
 
     def _slides(self, trial: Trial) -> Floats:

@@ -40,6 +40,19 @@ class NodeAnchors:
         """Anchors that trail all feet by slips (ns, 3) [length]."""
         return self._behind(feet, self.none(), np.ones(len(slips), dtype=bool), slips)
 
+    def coming(self, then: MortarFeet, now: MortarFeet, anchors: Anchors) -> Anchors:
+        """Anchors that nodes which have come over the master's end since then have, too: what lies under them now, where it
+        was then from them."""
+        of = ~then.seated.any(axis=1) & now.seated.any(axis=1)
+        table, share = now.samples.table[of], np.where(now.seated[of], now.samples.share[of], 0.0)
+        at, shapes = self._places.facets[0][now.projection[0][table]], now.met[9][table][:, :, 0]
+        gone = now.coords - then.coords
+        ways = (now.points - then.points)[table] - np.einsum("njm,njmc->njc", shapes, gone[at])
+        slips = np.zeros((len(of), 3))
+        slips[of] = np.einsum("nj,njc->nc", share, ways) / np.maximum(share.sum(axis=1), 1e-300)[:, None]
+        new = self._behind(now, self.none(), of, slips)
+        return self.chosen(of[:, None], new, anchors)
+
     def _behind(self, feet: MortarFeet, anchors: Anchors, renewed: Bools, slips: Floats) -> Anchors:
         """Anchors of which those of renewed nodes trail their feet so that the node's way is its slip (ns, 3) [length]."""
         s, slip = feet.samples, np.zeros_like(slips)

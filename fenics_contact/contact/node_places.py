@@ -96,8 +96,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         self.use(Samples(self.around, self.around.whole, ends))
         self.bends = _drawn(self, drawn)
 
-    def resampled(self, then: MortarFeet, now: MortarFeet, slides: Floats | None) -> MortarFeet:
-        """Take samples where the surfaces lie now; returns the feet that they had then, as the last step ended. Collective.
+    def resampled(self, then: MortarFeet, now: MortarFeet, slides: Floats | None) -> tuple[MortarFeet, MortarFeet | None]:
+        """Take samples where the surfaces lie now; returns the feet that they had then, as the last step ended, and, where
+        nodes that may rub had none, those that they have now. Collective.
 
         slides (ns,): how much nodes slide, from 0 to 1, None: without friction. Edges lean otherwise in front of what slides
         than behind it, as do nodes of round sides where few of them touch: both press along the master's normals of then.
@@ -109,10 +110,13 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             ends, beyond = ends_at(self, now.coords)
             sites = self.around.crossed(now.coords, normals, (self._corners, beyond), MARGIN * self.master.edge)
             self.use(Samples(self.around, sites, ends))
-            feet = self._at(then.coords, then.pose, partial(self.sights.pairing.project, timers=self.timers))
+            project = partial(self.sights.pairing.project, timers=self.timers)
+            feet, come = self._at(then.coords, then.pose, project), None
+            if slides is not None and not feet.seated.any(axis=1).all():
+                come = self._at(now.coords, now.pose, project)
             if slides is not None and self._aside is not None:
                 self.samples = self.samples.pressing(*self._aside[1])
-            return feet._replace(samples=self.samples)
+            return feet._replace(samples=self.samples), come
 
     def master_normals(self, feet: MortarFeet) -> Floats:
         """Unit normals (np, 3) of the master at the samples' feet, which point as the samples' own do: of flat facets those

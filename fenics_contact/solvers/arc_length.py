@@ -9,7 +9,7 @@ load so far and at first their rate, makes the path's extent in load and in disp
 of either kind, and corners of the load-displacement diagram show.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -143,8 +143,6 @@ class ArcLength:
     # -- one step -------------------------------------------------------------------------------------------------
     def step(self, system: System, arc: Arc) -> ArcReport:
         """Carry the system from its committed state along an Arc; ArcReport, or StepFailed if it does not get there."""
-        if system.condensed:  # its unknowns follow the accepted state's tangent, along its rate alone
-            arc = replace(arc, near=None)
         _advance(system, arc.near.times(1.0) if arc.near else arc.rate.times(arc.length))
         return self._balance(system, arc, True)
 

@@ -229,8 +229,9 @@ class Path:
         turned = np.arccos(np.clip(self.arc.dot(self._going, arrival.rate), -1.0, 1.0))
         length = min(self.length * _growth(self.steps, arrival.solves, turned), self.steps.largest)
         self.arc.weigh(self.furthest, self.highest)
-        size = self.arc.norm(arrival.rate)  # 1 in the lengths before
-        self.length, self.rate, self.last = length * size, arrival.rate.times(1.0 / size), arrival.increment
+        rate = arrival.beyond or arrival.rate
+        size = self.arc.norm(rate)  # 1 in the lengths before
+        self.length, self.rate, self.last = length * size, rate.times(1.0 / size), arrival.beyond or arrival.increment
         if arrival.fork:
             self.rate, self.slope, self.negative = arrival.fork, 0.0, np.nan
             self.length = min(AWAY * self.system.extent, self.steps.largest)
@@ -262,6 +263,8 @@ class Path:
             self._back()
             return self._arrive(length, rate, near)
 
+        if self.system.condensed:  # its unknowns follow the accepted state's tangent
+            sought = sought._replace(afresh=True)
         return located(arrive, arrival, (first, rate), sought, self.arc.dot)
 
     # -- bifurcations -----------------------------------------------------------------------------------------------
@@ -312,7 +315,7 @@ class Path:
             return -resists if self._passed(at) else resists
 
         far = abs(stiffness(arrival))
-        found = Sought(stiffness, lambda left, _: abs(left) <= LIMIT_TOLERANCE * far, forks=True)
+        found = Sought(stiffness, lambda left, _: abs(left) <= LIMIT_TOLERANCE * far, afresh=True)
         arrival = self._locate(rate, arrival, far, found)
         largest = self.system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
         mode = soft(max(ALIKE * largest, WITHIN * LIMIT_TOLERANCE * far))

@@ -16,24 +16,26 @@ JUMPS = 0.25  # of the load's rate at the end that an arc replaces: with more le
 @dataclass
 class Arrival:
     """A converged state not yet accepted: its arc length from the last one, increment, path's rate there, report; solves: of
-    the whole arc that it lies on, from its start."""
+    its arc, or of a longer one where it began beside its end."""
 
     length: float
     increment: Increment
     rate: Increment
     report: ArcReport
     solves: float
+    beyond: Increment | None = None  # where it is at a kink, the path's rate on its other side
     fork: Increment | None = None  # where it is a bifurcation, along what the path is to go on
 
 
 class Sought(NamedTuple):
     """What vanishes: value(arrival); close(value, arc left to its root by the chord over the bracket): whether that is it;
-    width: of the bracket that may hold a jump, where the value is the load's rate, else zero; forks: where paths cross."""
+    width: of the bracket that may hold a jump, where the value is the load's rate, else zero; afresh: arcs begin at the
+    start."""
 
     value: Callable[[Arrival], float]
     close: Callable[[float, float], bool]
     width: float = 0.0
-    forks: bool = False
+    afresh: bool = False
 
 
 class End(NamedTuple):
@@ -69,7 +71,8 @@ def located(
         width = high.length - low.length
         if sought.close(here, abs(here * width / (at_high - at_low))):
             arrival.report.iterations += solves
-            return arrival
+            kinked = 0.0 < width <= 8.0 * sought.width and abs(low.value - high.value) > JUMPS * abs(first)
+            return replace(arrival, beyond=high.rate if kinked else None)
         solves += arrival.report.iterations
         place, onwards = high.length - at_high * width / (at_high - at_low), dot(low.rate, high.rate) > 0.0
         if jumps and onwards:
@@ -78,7 +81,10 @@ def located(
             place = low.length  # it has been found
         near = low.increment.times((high.length - place) / width)
         near.add(high.increment, (place - low.length) / width)
-        arrival = replace(arrive(place, near if onwards and not sought.forks else None), solves=arrival.solves)
+        if onwards and not sought.afresh:
+            arrival = replace(arrive(place, near), solves=arrival.solves)
+        else:
+            arrival = arrive(place, None)
         now = End(place, here := sought.value(arrival), arrival.increment, arrival.rate)
         replaced = high if here * high.value > 0.0 else low
         jumps = sought.width > 0.0 and abs(here) > JUMPS * abs(replaced.value)
