@@ -148,6 +148,39 @@ def test_a_guide_is_no_plane_of_symmetry(how):
 
 
 @pytest.mark.parallel
+@pytest.mark.parametrize("friction", [0.0, 0.02])
+def test_a_tool_that_goes_straight_across_a_guide_inclined_is_no_mirror_image(friction):
+    """Between smooth walls a pad slides on a tilted line: the line pushes along its normal, and rubs by its friction."""
+    turn = np.radians(12.0)
+    c, s = np.cos(turn), np.sin(turn)
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (2.0, 2.0), (4, 4))})
+    x = mesh.domain.geometry.x
+    x[:, 1] += s / c * x[:, 0] * (1.0 - x[:, 1] / 2.0)
+    scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 2.5)), plane="strain")
+    scene.fix("pad_xmin", "x")
+    scene.fix("pad_xmax", "x")
+    scene.fix("pad_ymax")
+    bar = rigid_curve(lambda: straight("bar", (5 * c, 5 * s), (-5 * c, -5 * s), 7), group="bar", name="bar")
+    scene.contact("pad_ymin", bar, friction, points="averages", name="c")
+    result = solve(scene, move={bar: (0.0, 0.4, 0.0)}, steps=4).require()
+    fx, fy = (result.column(f"c_force_{axis}_N")[-1] for axis in "xy")
+    assert abs((c * fx + s * fy) / (c * fy - s * fx) - friction) < 2e-3  # was 0.05
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize(("cells", "end"), [(6, 6.0), (13, 7.3), (16, 6.0)])
+def test_a_tool_at_rest_has_not_gone_across(cells, end):
+    """A flat one, drawn far over the plane: by rounding alone nodes on it are elsewhere."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, 0.0), (2.0, 2.0), (4, 4))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 2.5)), plane="strain")
+    scene.fix("pad_xmin", "x")
+    scene.prescribe("pad_ymax", "y", -0.2)
+    bar = rigid_curve(lambda: straight("bar", (end, 0.0), (-1.1, 0.0), cells), group="bar", name="bar")
+    scene.contact("pad_ymin", bar, name="c")
+    assert not any("gone" in note for note in solve(scene, steps=2).require().verdict.notes)
+
+
+@pytest.mark.parallel
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["pad", "bed"])
 def test_nothing_slides_on_the_axis_of_bodies_of_revolution(degree, slave):

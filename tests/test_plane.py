@@ -923,3 +923,29 @@ def test_what_sets_a_tool_free_is_named_as_the_scene_has_it(plane):
     stages[1] = Stage("let go", move={hub: Motion(free="y")}, steps=1)
     result = solve(scene, stages=stages).require()
     assert result.column("hub_travel_y_mm") == pytest.approx([-0.1, 0.0], abs=1e-6)
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("options", [{}, {"penetration": 1e-7}], ids=["penalty", "multipliers"])
+@pytest.mark.parametrize(("degree", "plane"), [(1, "strain"), (2, "strain"), (1, "axisymmetric")])
+def test_how_finely_the_master_is_divided_does_not_matter(degree, plane, options):
+    """A confined pad under an even pressure on a bed that is held: its curve has no ends across, however short its sides."""
+
+    def pressed(cells):
+        drawn = {"pad": ((0.0, 0.0), (3.0, 2.0), (4, 3)), "bed": ((0.0, -2.0), (6.0, 2.0), (cells, 2))}
+        mesh = read_gmsh(rectangles.build, rectangles=drawn)
+        pad, bed = Body(mesh, "pad", neo_hooke(0.5, 2.5)), Body(mesh, "bed", neo_hooke(100.0, 500.0))
+        scene = Scene(pad, bed, plane=plane, degree=degree)
+        for side, axes in ("bed_ymin", "xy"), ("bed_ymax", "xy"), ("pad_xmin", "x"), ("pad_xmax", "x"):
+            scene.fix(side, axes)
+        scene.prescribe("pad_ymax", "y", -0.3)
+        scene.contact("pad_ymin", "bed_ymax", name="c", **options)
+        result = solve(scene, steps=1).require()
+        pressures = result.system.contacts[0].response(result.system.state).split[0].ravel()
+        area = (np.pi if plane == "axisymmetric" else 1.0 / 3.0) * 9.0
+        np.testing.assert_allclose(result.column("c_area_mm2")[-1], area, rtol=1e-8)
+        np.testing.assert_allclose(pressures, pressures.mean() if len(pressures) else 0.0, rtol=1e-7)
+        return result.column("c_load_N")[-1]
+
+    one = pressed(1)
+    np.testing.assert_allclose([pressed(60), pressed(400)], one, rtol=1e-8)

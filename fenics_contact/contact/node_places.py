@@ -74,7 +74,9 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
             self.meets_itself = max(self.comm.allgather(self._walls is not None))  # a process may have no facet of the slave
         self._corners = master.corners[0] + self.first, master.corners[1]
         normals, cosine = unit(area_vectors(master.X[master.corners[0]])), np.cos(np.radians(CREASE))
-        starts, edges, sides, smooth = surface_ends(master.corners, normals, cosine)
+        z = master.X[master.corners[0], 2]
+        counts = None if skin.section is None else z != np.roll(z, -1, axis=1)  # a strip goes on across, however deep it is
+        starts, edges, sides, smooth = surface_ends(master.corners, normals, cosine, counts)
         m = int(master.corners[1].max(initial=3))
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
         behind = [(normal, np.append(np.zeros(self.first, dtype=bool), on)) for normal, on in held[1].master]

@@ -21,7 +21,7 @@ from numba import njit
 from fenics_contact.kernels.closest_point import NONE, Lists, Projection
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm, planar, plus, put, row, times
-from fenics_contact.types import Floats, Ints64
+from fenics_contact.types import Bools, Floats, Ints64
 
 Ends = tuple[Ints64, Ints64, Ints64, Ints64]
 Master = tuple[Surface, Ends]
@@ -232,22 +232,24 @@ def beyond_edges(surface: Surface) -> Ints64:
     return np.where(found, facet[order][at] if len(key) else -1, -1)
 
 
-def surface_ends(surface: Surface, normals: Floats, cosine: float) -> Ends:
+def surface_ends(surface: Surface, normals: Floats, cosine: float, counts: Bools | None = None) -> Ends:
     """Edges that can end the master, listed for each facet that has a node of the edge's own facet.
 
     normals (nf, 3): of the facets in the reference; cosine: of the angle between facets from which on their edge is a
-    crease.
+    crease; counts (nf, m): which edges, from each corner to the next, can be ends, None: all.
     """
     nodes, size = surface
     m = nodes.shape[1]
     following = np.where(np.arange(m) + 1 < size[:, None], np.arange(m) + 1, 0)
-    f, i = np.nonzero(np.arange(m) < size[:, None])
+    there = np.arange(m) < size[:, None]
+    f, i = np.nonzero(there if counts is None else there & counts)
     a, b, count = nodes[f, i], nodes[f, following[f, i]], int(nodes.max(initial=0)) + 1
     beyond = beyond_edges(surface)[f, i]
     smooth = (beyond >= 0) & (np.einsum("ec,ec->e", normals[f], normals[beyond]) >= cosine)
     edges, sides = np.column_stack([a, b]).astype(np.int64), np.column_stack([f, beyond]).astype(np.int64)
     # facets of each node, then of each edge: those around any node of its own facet
-    corner_facet, corner_node = f, nodes[f, i]
+    corner_facet, i = np.nonzero(there)
+    corner_node = nodes[corner_facet, i]
     order = np.argsort(corner_node, kind="stable")
     starts = np.searchsorted(corner_node[order], np.arange(count + 1))
     e, c = np.nonzero(np.arange(m) < size[sides[:, 0]][:, None])

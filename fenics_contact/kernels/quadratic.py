@@ -97,14 +97,15 @@ def foot_shapes(at: Ints64, surface: Surface, projection: Projection, N: Floats)
 
 
 @njit(cache=True)
-def _frame(f: int, master: PlacedSurface, N: Floats) -> tuple[Vector, Vector, Vector]:
-    """r, r_1, r_2 of facet f with the shape functions N (3, m)."""
+def _frame(x: Vector, f: int, master: PlacedSurface, N: Floats) -> tuple[Vector, Vector, Vector]:
+    """x - r, r_1, r_2 of facet f with the shape functions N (3, m): sums of how far its nodes are from x, for sums of places
+    far from the origin round by more than Newton's method ends at."""
     coords, (nodes, size) = master
-    r, r1, r2 = ZERO, ZERO, ALONG_Z if size[f] == LINE else ZERO
+    d, r1, r2 = ZERO, ZERO, ALONG_Z if size[f] == LINE else ZERO
     for i in range(nodes.shape[1]):
-        x = row(coords, nodes[f, i])
-        r, r1, r2 = less(r, -N[0, i], x), less(r1, -N[1, i], x), less(r2, -N[2, i], x)
-    return r, r1, r2
+        arm = minus(x, row(coords, nodes[f, i]))
+        d, r1, r2 = less(d, -N[0, i], arm), less(r1, N[1, i], arm), less(r2, N[2, i], arm)
+    return d, r1, r2
 
 
 @njit(cache=True, error_model="numpy")
@@ -117,8 +118,7 @@ def _meet(
         t = 0.0
     for _ in range(MAX_NEWTON):
         quadratic_shape(m, s, t, N)
-        r, r1, r2 = _frame(f, master, N)
-        d = minus(x, r)
+        d, r1, r2 = _frame(x, f, master, N)
         # n x (d - r_a dxi^a) = 0, projected on r_1 x n and r_2 x n
         one, two = cross(r2, n), cross(n, r1)
         det = dot(r1, one)
@@ -255,7 +255,7 @@ def _least_missed(
                 continue
             u, v = _within(size[f], s, t)
             quadratic_shape(size[f], u, v, N)
-            miss = norm(minus(less(x, g, n), _frame(f, master, N)[0]))
+            miss = norm(_frame(less(x, g, n), f, master, N)[0])
             if miss * miss <= beyond * beyond * radii[f] and miss < least:
                 best, least, place1, place2, gap = f, miss, s, t, g
     return best, place1, place2, gap

@@ -15,7 +15,7 @@ from fenics_contact.assembly.size import bodies_size, extremes
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.turned import ONE
-from fenics_contact.contact.master import MasterSurface, ToolSurface
+from fenics_contact.contact.master import MasterSurface, ToolSurface, area_vectors
 from fenics_contact.contact.mirrors import Mirrors
 from fenics_contact.contact.rigid_places import RigidPlaces, distances_to, pressed
 from fenics_contact.scene.drives import AXIS
@@ -94,6 +94,15 @@ class _Held:
         ahead = X @ self.normal - self.place
         return (np.abs(ahead) < near) & bool(ahead.min(initial=0.0) > -near)
 
+    def goes_on(self, surface: MasterSurface | ToolSurface, near: float) -> bool:
+        """Whether a surface ends here or goes on as its mirror image, by the normals of the facets that meet the plane."""
+        nodes, _ = surface.corners
+        ahead, normals = (surface.X @ self.normal - self.place)[nodes], area_vectors(surface.X[nodes])
+        here = (ahead.min(axis=1) < near) & (ahead.max(axis=1) > -near)
+        across = bool((ahead < -near).any())
+        leans = abs(float((normals[here] @ self.normal).sum()))
+        return not across or leans <= UNLIKE * float(np.linalg.norm(normals[here], axis=1).sum())
+
 
 class Halves:
     """Planes of symmetry on which contacts go on as their mirror images. Construction is collective."""
@@ -120,12 +129,14 @@ class Halves:
 
     def of(self, slave: MasterSurface, master: MasterSurface | ToolSurface) -> Mirrors:
         """Those of a contact's surfaces. A body that does not end on a plane of the slave's, held there, is no mirror image
-        of itself: then the slave slides over the plane. So it is with tools that have gone across, or turned out of it."""
+        of itself: then the slave slides over the plane. So it is with tools that go across inclined, have gone across, or
+        turned out of it."""
         out = Mirrors([], [], [], self._near)
         for plane in self._planes:
             ours, theirs = plane.on(slave.X, self._near), plane.on(master.X, self._near)
             body = isinstance(master, MasterSurface)
-            met = not body or bool(theirs.any() and np.isin(master.blocks[theirs], plane.blocks).all())
+            held = theirs.any() and np.isin(master.blocks[theirs], plane.blocks).all()
+            met = bool(held) if body else plane.goes_on(master, self._near)
             if met and (ours := ours & np.isin(slave.blocks, plane.blocks)).any():
                 out.slave.append((plane.normal, ours))
                 out.master.append((plane.normal, theirs))
@@ -220,7 +231,7 @@ class Symmetry:
         for plane in self._planes:
             along = np.abs(gone[plane.nodes, plane.axis]) * held[plane.nodes]
             most, letter = max(comm.allgather(along.max(initial=0.0))), "xyz"[plane.axis]
-            if most > ASIDE * size:
+            if most > max(ASIDE * size, FLAT * self._system.extent):
                 return Remark(
                     most,
                     f"tool '{contact.master_name}' has gone {most:.3g} along {letter} on nodes of '{plane.name}', which is "
