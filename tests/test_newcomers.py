@@ -2,17 +2,15 @@
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, solve
 from fenics_contact.meshes import rectangles, two_blocks
 
 pytestmark = pytest.mark.parallel
-COMM = MPI.COMM_WORLD
 FRICTION = 0.3
 
 
-def dragged(steps, space=False, degree=1, triangles=False, way=1.6):
+def dragged(steps, space=False, degree=1, triangles=False, points=None):
     """A block that is the master, pressed on a long pad and dragged over it."""
     if space:
         mesh = read_gmsh(two_blocks.build, lower=(4, 1.5, 0.8), lower_cells=(16, 3, 2), lower_origin=(0, -0.25, -0.8),
@@ -31,15 +29,23 @@ def dragged(steps, space=False, degree=1, triangles=False, way=1.6):
     bottom, top, slave, master = names
     scene.fix(bottom)
     scene.fix(top)
-    scene.contact(slave, master, friction=FRICTION, name="c")
+    scene.contact(slave, master, friction=FRICTION, points=points, name="c")
     stages = [Stage("press", prescribe={(top, down): -0.05}, steps=2)]
-    stages += [Stage("drag", prescribe={(top, "x"): way}, steps=steps)]
+    stages += [Stage("drag", prescribe={(top, "x"): 1.6}, steps=steps)]
     return solve(scene, stages=stages).require()
 
 
-@pytest.mark.parametrize(
-    "case", [{}, {"triangles": True}, {"degree": 2}, {"space": True}], ids=["2-D", "triangles", "degree 2", "3-D"]
-)
+CASES = {
+    "2-D": {},
+    "triangles": {"triangles": True},
+    "degree 2": {"degree": 2},
+    "3-D": {"space": True},
+    "nodes": {"space": True, "points": "nodes"},
+    "Gauss points": {"space": True, "points": 1},
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 @pytest.mark.parametrize("steps", [4, 8])
 def test_what_comes_under_a_sliding_block_rubs_in_the_same_step(steps, case):
     """All slides: friction is its share of the pressures, of which a step of 0.4 brings a third anew."""

@@ -1,6 +1,7 @@
 """Facets of another body as a contact's master, met by points: forces and their tangent."""
 
 import numpy as np
+from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
@@ -42,6 +43,14 @@ class FacetPartner(OnFacets):
         where, space = self.places, self.places.space
         blocks = np.concatenate([compat.global_blocks(space)[where.slave], where.master.blocks]).astype(np.int64)
         return PairPattern(where.nodes, where.facets[0], blocks, space.dofmap.index_map.size_global)
+
+    def resampled(self, trial: Trial, feet: FacetFeet) -> Trial:
+        """With anchors of points that have come over the master since the last step."""
+        h = trial.history
+        come = trial.rough and bool(((h.feet.projection[1] == NONE) & (feet.projection[1] != NONE)).any())
+        if not self.places.comm.allreduce(come, op=MPI.LOR):
+            return trial
+        return trial.remembering(anchors=self.anchors.coming(h.feet, feet, h.anchors))
 
     def slaves(self, area: Floats | None = None) -> Slaves:
         """Slaves as kernels/deformable_element.py takes them."""

@@ -10,7 +10,9 @@ from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.on_facets import own
 from fenics_contact.contact.partner import SingleAnchors
 from fenics_contact.contact.point_places import FacetFeet
+from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.contact_pairs import anchors_since_rest, committed_anchors
+from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Floats, Ints, Ints64
 
@@ -59,6 +61,19 @@ class PointAnchors(SingleAnchors):
         pairs, laws = self._partner.pairs(feet, trial), self._partner.laws(feet, trial)
         nodes, weights, ways = anchors_since_rest(pairs, own(rests), laws, grown)
         return (nodes, weights), ways
+
+    def coming(self, then: FacetFeet, now: FacetFeet, anchors: Anchors) -> Anchors:
+        """Anchors that points which have come over the master's end since then have, too: what lies under them now, where it
+        was then from them."""
+        at = np.flatnonzero((then.projection[1] == NONE) & (now.projection[1] != NONE))
+        N, nodes = np.empty((len(at), 3, self._places.facets[0].shape[1])), self._places.facets[0][now.projection[0][at]]
+        foot_shapes(at, self._places.facets, now.projection, N)
+        ways = (now.points - then.points)[at] - np.einsum("ni,nic->nc", N[:, 0], (now.coords - then.coords)[nodes])
+        tangents = np.einsum("nai,nic->nac", N[:, 1:], now.coords[nodes])
+        parts = np.einsum("nca,nc->na", np.linalg.pinv(tangents), ways)
+        out = own(anchors)[0].copy(), own(anchors)[1].copy()
+        out[0][at], out[1][at] = nodes, N[:, 0] - np.einsum("na,nai->ni", parts, N[:, 1:])
+        return out
 
     def packed(self, anchors: Anchors, feet: FacetFeet, name: str) -> dict[str, Array]:
         """Anchors as keys of the master's nodes (-1: none) and their weights, arrays (ne, ...) that no partition changes."""
