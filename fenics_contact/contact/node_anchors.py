@@ -7,7 +7,7 @@ from fenics_contact.contact.meeting import MortarFeet
 from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import own
-from fenics_contact.contact.partner import strayed, worked
+from fenics_contact.contact.partner import slid_since, strayed, worked
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
@@ -41,17 +41,17 @@ class NodeAnchors:
         return self._behind(feet, self.none(), np.ones(len(slips), dtype=bool), slips)
 
     def coming(self, then: MortarFeet, now: MortarFeet, anchors: Anchors) -> Anchors:
-        """Anchors that nodes which have come over the master's end since then have, too: what lies under them now, where it
-        was then from them."""
+        """Anchors that nodes which have met the master since then have, too: what lies under them now, where it was from
+        them then, or when they touched it."""
         of = ~then.seated.any(axis=1) & now.seated.any(axis=1)
         table, share = now.samples.table[of], np.where(now.seated[of], now.samples.share[of], 0.0)
         at, shapes = self._places.facets[0][now.projection[0][table]], now.met[9][table][:, :, 0]
         gone = now.coords - then.coords
         ways = (now.points - then.points)[table] - np.einsum("njm,njmc->njc", shapes, gone[at])
+        since = slid_since(np.where(now.seated[of], now.projection[4][table], 0.0), ways, now.projection[5][table])
         slips = np.zeros((len(of), 3))
-        slips[of] = np.einsum("nj,njc->nc", share, ways) / np.maximum(share.sum(axis=1), 1e-300)[:, None]
-        new = self._behind(now, self.none(), of, slips)
-        return self.chosen(of[:, None], new, anchors)
+        slips[of] = np.einsum("nj,njc->nc", share, since) / np.maximum(share.sum(axis=1), 1e-300)[:, None]
+        return self.chosen(of[:, None], self._behind(now, self.none(), of, slips), anchors)
 
     def _behind(self, feet: MortarFeet, anchors: Anchors, renewed: Bools, slips: Floats) -> Anchors:
         """Anchors of which those of renewed nodes trail their feet so that the node's way is its slip (ns, 3) [length]."""

@@ -159,6 +159,16 @@ class Partner(ContactPartner, Protocol):
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
 
 
+def slid_since(gaps: Floats, ways: Floats, normals: Floats) -> Floats:
+    """What points have gone (..., 3) over the master since they touched it; gaps (...) and normals (..., 3) into the slave:
+    where they are now, ways (..., 3): since a step began [length]. The way before, through the air, is no slip: they are
+    taken to come nearer evenly."""
+    nearer = -np.einsum("...c,...c->...", ways, normals)
+    above = gaps + nearer > 0.0  # when the step began
+    share = np.where(above, np.clip(-gaps / np.where(nearer > 0.0, nearer, 1.0), 0.0, 1.0), 1.0)
+    return share[..., None] * ways
+
+
 def worked(pulled: Floats, slip: Floats) -> Floats:
     """The way (...) on which friction works while its trial traction over eps_T grows by the slip (..., 3) to pulled
     (..., 3): the integral of its direction along the slip [length]."""

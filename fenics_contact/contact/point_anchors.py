@@ -8,7 +8,7 @@ import numpy as np
 
 from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.on_facets import own
-from fenics_contact.contact.partner import SingleAnchors
+from fenics_contact.contact.partner import SingleAnchors, slid_since
 from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.contact_pairs import anchors_since_rest, committed_anchors
@@ -63,12 +63,13 @@ class PointAnchors(SingleAnchors):
         return (nodes, weights), ways
 
     def coming(self, then: FacetFeet, now: FacetFeet, anchors: Anchors) -> Anchors:
-        """Anchors that points which have come over the master's end since then have, too: what lies under them now, where it
-        was then from them."""
+        """Anchors that points which have met the master since then have, too: what lies under them now, where it was from
+        them then, or when they touched it."""
         at = np.flatnonzero((then.projection[1] == NONE) & (now.projection[1] != NONE))
         N, nodes = np.empty((len(at), 3, self._places.facets[0].shape[1])), self._places.facets[0][now.projection[0][at]]
         foot_shapes(at, self._places.facets, now.projection, N)
         ways = (now.points - then.points)[at] - np.einsum("ni,nic->nc", N[:, 0], (now.coords - then.coords)[nodes])
+        ways = slid_since(now.projection[4][at], ways, now.projection[5][at])
         tangents = np.einsum("nai,nic->nac", N[:, 1:], now.coords[nodes])
         parts = np.einsum("nca,nc->na", np.linalg.pinv(tangents), ways)
         out = own(anchors)[0].copy(), own(anchors)[1].copy()
