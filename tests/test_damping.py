@@ -556,8 +556,8 @@ def slotted():
 
 @pytest.mark.slow
 @pytest.mark.parallel
-def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
-    """A slot that a pressure closes: damping has to outweigh the penalty on the point before it goes over."""
+def test_a_slot_that_a_pressure_closes_takes_no_jump():
+    """At its end a sample misses two facets by as little: it keeps the one that it has where statuses repeat."""
     scene = Scene(Body(read_gmsh(slotted), "block", neo_hooke(mu=1.0, K=4.0)), accept_locking=True)
     scene.fix("zmin")
     for side in ("ymin", "ymax"):
@@ -565,8 +565,8 @@ def test_a_point_whose_statuses_repeat_in_damped_motion_too_is_carried_on():
     scene.pressure("zmax", 0.8)
     scene.contact("upper", "lower", 0.5, name="slot")
     result = solve(scene, steps=[0.1, 0.2, 0.3, 0.4, 0.45]).require()
-    assert any("in short steps too" in note for note in result.verdict.notes)
-    assert result.summary["damping"]["work_share"] < 1e-3
+    assert "damping" not in result.summary or not result.summary["damping"]
+    assert result.verdict.cuts == 0 and not any("jumped" in note for note in result.verdict.notes)
     assert result.column("balance_error_N")[-1] < 1e-6 * result.column("slot_load_N")[-1]
 
 
