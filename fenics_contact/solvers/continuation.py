@@ -60,8 +60,6 @@ class Path:
         # increment of the last accepted step, unit rate of the path at its end
         self.last: Increment | None = None
         self.rate: Increment | None = None
-        # beyond a kink the path's rate and increment on this side, to try where its rate there leads nowhere
-        self.hither: tuple[Increment, Increment] | None = None
         self.gone: Increment | None = None  # the way from the start of the path
         self.slope = 0.0  # change of t along the path there; its sign counts
         self.first = self.length = 0.0  # arcs [length]: the leg's first one, the one to try next
@@ -164,10 +162,6 @@ class Path:
                 return self._step(self.length, self._going)
             except StepFailed as failure:
                 self._back()
-                if self.hither:  # friction that turns at a kink goes on otherwise than the path tried beyond it
-                    self.rate, self.last = self.hither
-                    self.hither = None
-                    continue
                 if self.length / 2 < smallest:
                     raise
                 self.verdict.cut(failure, f"arc of {self.length:.3g}")
@@ -236,15 +230,7 @@ class Path:
         length = min(self.length * _growth(self.steps, arrival.solves, turned), self.steps.largest)
         self.arc.weigh(self.furthest, self.highest)
         size = self.arc.norm(arrival.rate)  # 1 in the lengths before
-        self.length, self.rate, self.last, self.hither = (
-            length * size,
-            arrival.rate.times(1.0 / size),
-            arrival.increment,
-            None,
-        )
-        if beyond := arrival.beyond:
-            self.hither = self.rate, self.last
-            self.rate = self.last = beyond.times(1.0 / self.arc.norm(beyond))
+        self.length, self.rate, self.last = length * size, arrival.rate.times(1.0 / size), arrival.increment
         if arrival.fork:
             self.rate, self.slope, self.negative = arrival.fork, 0.0, np.nan
             self.length = min(AWAY * self.system.extent, self.steps.largest)

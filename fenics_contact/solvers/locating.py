@@ -10,6 +10,7 @@ from fenics_contact.solvers.arc_length import ArcReport, Increment
 from fenics_contact.solvers.verdict import StepFailed
 
 TRIALS = 40  # arcs tried for one point; a smooth path takes 2 to 4, a kink 3 to 6
+STRAIGHT = 0.9  # cosine between the path's rates at both ends: where it turns more, arcs of one length may end at two places
 JUMPS = 0.25  # of the load's rate at the end that an arc replaces: with more left of it that rate jumps
 
 
@@ -23,7 +24,6 @@ class Arrival:
     rate: Increment
     report: ArcReport
     solves: float
-    beyond: Increment | None = None  # where it is at a kink, the path's rate on its other side
     fork: Increment | None = None  # where it is a bifurcation, along what the path is to go on
 
 
@@ -61,8 +61,8 @@ def located(
     inner product. By regula falsi over arc lengths, Illinois variant (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
 
     Where the load's rate jumps, neither that nor bisection gains from what is known: the load itself has no jump, and the
-    kink is where its lines from both sides meet. Where a path turns back there by more than a right angle it has two places
-    of one length of arc, and only from the start the first one is found.
+    kink is where its lines from both sides meet. Where a path turns sharply there it may have two places of
+    one length of arc, and only from the start the first one is found.
     """
     low = start = End(0.0, first := began[0], arrival.increment.times(0.0), began[1])
     high = End(arrival.length, here := sought.value(arrival), arrival.increment, arrival.rate)
@@ -71,10 +71,9 @@ def located(
         width = high.length - low.length
         if sought.close(here, abs(here * width / (at_high - at_low))):
             arrival.report.iterations += solves
-            kinked = 0.0 < width <= 8.0 * sought.width and abs(low.value - high.value) > JUMPS * abs(first)
-            return replace(arrival, beyond=high.rate if kinked else None)
+            return arrival
         solves += arrival.report.iterations
-        place, onwards = high.length - at_high * width / (at_high - at_low), dot(low.rate, high.rate) > 0.0
+        place, onwards = high.length - at_high * width / (at_high - at_low), dot(low.rate, high.rate) > STRAIGHT
         if jumps and onwards:
             place = _kink(low, high, kept, sought.width)
         if low is not start and onwards and sought.close(low.value, width):
