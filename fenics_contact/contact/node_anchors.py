@@ -45,10 +45,8 @@ class NodeAnchors:
         them then, or when they touched it."""
         of = ~then.seated.any(axis=1) & now.seated.any(axis=1)
         table, share = now.samples.table[of], np.where(now.seated[of], now.samples.share[of], 0.0)
-        at, shapes = self._places.facets[0][now.projection[0][table]], now.met[9][table][:, :, 0]
-        gone = now.coords - then.coords
-        ways = (now.points - then.points)[table] - np.einsum("njm,njmc->njc", shapes, gone[at])
-        since = slid_since(np.where(now.seated[of], now.projection[4][table], 0.0), ways, now.projection[5][table])
+        under = self._places.facets[0][now.projection[0][table]], now.met[9][table][:, :, 0]
+        since = slid_since(then, now, table, under)
         slips = np.zeros((len(of), 3))
         slips[of] = np.einsum("nj,njc->nc", share, since) / np.maximum(share.sum(axis=1), 1e-300)[:, None]
         return self.chosen(of[:, None], self._behind(now, self.none(), of, slips), anchors)

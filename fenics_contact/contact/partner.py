@@ -159,10 +159,16 @@ class Partner(ContactPartner, Protocol):
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
 
 
-def slid_since(gaps: Floats, ways: Floats, normals: Floats) -> Floats:
-    """What points have gone (..., 3) over the master since they touched it; gaps (...) and normals (..., 3) into the slave:
-    where they are now, ways (..., 3): since a step began [length]. The way before, through the air, is no slip: they are
-    taken to come nearer evenly."""
+def slid_since(then: Any, now: Any, at: Ints64, under: tuple[Ints64, Floats]) -> Floats:
+    """What points have gone (..., 3) over the master since they touched it [length].
+
+    then, now: feet as a step began and now; at (...): numbers of the points; under: nodes (..., m) of the facets beneath
+    them now, and their shape functions there. The way before, through the air, is no slip: they are taken to come nearer
+    evenly.
+    """
+    gaps, normals, (nodes, shapes) = now.projection[4][at], now.projection[5][at], under
+    gone = (now.coords - then.coords)[nodes]
+    ways = (now.points - then.points)[at] - np.einsum("...m,...mc->...c", shapes, gone)
     nearer = -np.einsum("...c,...c->...", ways, normals)
     above = gaps + nearer > 0.0  # when the step began
     share = np.where(above, np.clip(-gaps / np.where(nearer > 0.0, nearer, 1.0), 0.0, 1.0), 1.0)

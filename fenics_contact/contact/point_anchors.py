@@ -68,10 +68,8 @@ class PointAnchors(SingleAnchors):
         at = np.flatnonzero((then.projection[1] == NONE) & (now.projection[1] != NONE))
         N, nodes = np.empty((len(at), 3, self._places.facets[0].shape[1])), self._places.facets[0][now.projection[0][at]]
         foot_shapes(at, self._places.facets, now.projection, N)
-        ways = (now.points - then.points)[at] - np.einsum("ni,nic->nc", N[:, 0], (now.coords - then.coords)[nodes])
-        ways = slid_since(now.projection[4][at], ways, now.projection[5][at])
         tangents = np.einsum("nai,nic->nac", N[:, 1:], now.coords[nodes])
-        parts = np.einsum("nca,nc->na", np.linalg.pinv(tangents), ways)
+        parts = np.einsum("nca,nc->na", np.linalg.pinv(tangents), slid_since(then, now, at, (nodes, N[:, 0])))
         out = own(anchors)[0].copy(), own(anchors)[1].copy()
         out[0][at], out[1][at] = nodes, N[:, 0] - np.einsum("na,nai->ni", parts, N[:, 1:])
         return out

@@ -94,7 +94,7 @@ class _Held:
         ahead = X @ self.normal - self.place
         return (np.abs(ahead) < near) & bool(ahead.min(initial=0.0) > -near)
 
-    def goes_on(self, surface: MasterSurface | ToolSurface, near: float) -> bool:
+    def goes_on(self, surface: ToolSurface, near: float) -> bool:
         """Whether a surface ends here or goes on as its mirror image, by the normals of the facets that meet the plane."""
         nodes, _ = surface.corners
         ahead, normals = (surface.X @ self.normal - self.place)[nodes], area_vectors(surface.X[nodes])
@@ -134,13 +134,14 @@ class Halves:
         out = Mirrors([], [], [], self._near)
         for plane in self._planes:
             ours, theirs = plane.on(slave.X, self._near), plane.on(master.X, self._near)
-            body = isinstance(master, MasterSurface)
-            held = theirs.any() and np.isin(master.blocks[theirs], plane.blocks).all()
-            met = bool(held) if body else plane.goes_on(master, self._near)
+            if tool := isinstance(master, ToolSurface):
+                met = plane.goes_on(master, self._near)
+            else:
+                met = bool(theirs.any() and np.isin(master.blocks[theirs], plane.blocks).all())
             if met and (ours := ours & np.isin(slave.blocks, plane.blocks)).any():
                 out.slave.append((plane.normal, ours))
                 out.master.append((plane.normal, theirs))
-                out.still.append(np.concatenate([ours, theirs if body else np.ones_like(theirs)]))
+                out.still.append(np.concatenate([ours, np.ones_like(theirs) if tool else theirs]))
         return out
 
 

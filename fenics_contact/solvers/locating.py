@@ -78,9 +78,9 @@ def located(
             place = _kink(low, high, kept, sought.width)
         if low is not start and onwards and sought.close(low.value, width):
             place = low.length  # it has been found
-        near = low.increment.times((high.length - place) / width)
-        near.add(high.increment, (place - low.length) / width)
         if onwards and not sought.afresh:
+            near = low.increment.times((high.length - place) / width)
+            near.add(high.increment, (place - low.length) / width)
             arrival = replace(arrive(place, near), solves=arrival.solves)
         else:
             arrival = arrive(place, None)

@@ -5,16 +5,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fenics_contact.assembly.finding import (
-    COMES_IN,
-    CONVERGED,
-    CYCLING,
-    MEMORY,
-    TOO_STIFF,
-    UNKNOWN,
-    Finding,
-    Remark,
-)
+from fenics_contact.assembly.finding import COMES_IN, CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.report import StepReport
 

@@ -23,6 +23,15 @@ def bumpy_sheet(n, rng, width=1.0):
     return x, nodes, size
 
 
+def placed_sheet(turn, seed):
+    """A sheet, as it is or turned and far away, and points around it and on its corners themselves."""
+    rng = np.random.default_rng(seed)
+    x, nodes, size = bumpy_sheet(12, rng)
+    if turn:
+        x = x @ np.linalg.qr(rng.normal(size=(3, 3)))[0].T + 100.0
+    return rng, (x, nodes, size), np.vstack([x.mean(axis=0) + rng.uniform(-0.8, 0.8, (300, 3)), x])
+
+
 def brute_force(points, x, nodes, size, margin):
     corners = x[nodes]
     low, high = corners.min(axis=1) - margin, corners.max(axis=1) + margin
@@ -40,12 +49,7 @@ def assert_same(points, x, nodes, size, margin):
 @pytest.mark.parametrize("margin", [0.0, 0.01, 0.3])
 @pytest.mark.parametrize("turn", [False, True])
 def test_lists_are_those_of_brute_force(margin, turn):
-    rng = np.random.default_rng(1)
-    x, nodes, size = bumpy_sheet(12, rng)
-    if turn:
-        x = x @ np.linalg.qr(rng.normal(size=(3, 3)))[0].T + 100.0
-    centre = x.mean(axis=0)
-    points = np.vstack([centre + rng.uniform(-0.8, 0.8, (300, 3)), x])  # also on the corners themselves
+    _, (x, nodes, size), points = placed_sheet(turn, 1)
     assert assert_same(points, x, nodes, size, margin) > 100  # the comparison is not one of empty lists
 
 
@@ -82,11 +86,7 @@ def met_by(points, directions, balls, search):
 @pytest.mark.parametrize("search", [0.0, 0.05, 0.5, 50.0])
 @pytest.mark.parametrize("turn", [False, True])
 def test_lines_find_all_facets_whose_balls_they_pass(search, turn):
-    rng = np.random.default_rng(5)
-    x, nodes, size = bumpy_sheet(12, rng)
-    if turn:
-        x = x @ np.linalg.qr(rng.normal(size=(3, 3)))[0].T + 100.0
-    points = np.vstack([x.mean(axis=0) + rng.uniform(-0.8, 0.8, (300, 3)), x])
+    rng, (x, nodes, size), points = placed_sheet(turn, 5)
     directions = rng.normal(size=points.shape)
     directions[::7] = np.sign(directions[::7]) * [0.0, 0.0, 1.0]  # along an axis, and in a plane of two
     directions[::5, 0] = 0.0
