@@ -93,10 +93,10 @@ def test_counts_of_two_blocks(monkeypatch):
     system, states = two_rough_blocks(), []
     contact = system.contacts[0]
     pairing = contact.places.sights.pairing
-    project, look = pairing.project, pairing.seek
+    project, seek = pairing.project, pairing.seek
     searched = []
     monkeypatch.setattr(pairing, "project", lambda *a: states.append(system.state.u.x.array.copy()) or project(*a))
-    monkeypatch.setattr(pairing, "seek", lambda *a: searched.append(0) or look(*a))
+    monkeypatch.setattr(pairing, "seek", seek._replace(fill=lambda *a: searched.append(0) or seek.fill(*a)))
     solver, iterations = carried(system, "direct")
     different = 1 + sum(not np.array_equal(a, b) for a, b in zip(states, states[1:], strict=False))
     same_everywhere = system.comm.allreduce(different)  # a rank projects again where only another one's nodes have moved

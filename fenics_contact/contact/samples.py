@@ -49,7 +49,8 @@ class CornerNormals:
         angles = corner_angles(X, nodes, len(gradients), *where[1:])
         alone = np.tile(np.eye(3), (len(where[0]) - 1, 1, 1))
         self.groups: Groups = *where, *group_slots(*where, *self._facets), angles, alone
-        at, self._known = nodes[where[1], where[2]][where[0][:-1]], {(False,) * len(mirrors): alone}
+        at, here, self._known = np.empty(len(alone), dtype=np.int64), self.group >= 0, {(False,) * len(mirrors): alone}
+        at[self.group[here]] = nodes[:, : len(gradients)][here]  # corners without an area have groups of no facets
         self._mirrors, self._drawn = [(normal, on[at]) for normal, on in mirrors], self(X, (False,) * len(mirrors))[0]
 
     def kept(self, standing: Standing) -> Floats:
