@@ -154,6 +154,11 @@ class ContactForces(Protocol):
 
     def measures(self, state: State) -> dict[str, Any]: ...
 
+    def first_touch(self, state: State) -> tuple[float, float, float]:
+        """Of the friction on points that were open when the step began what their approach does not explain, their load,
+        and that of all points [force]. Collective."""
+        ...
+
     def within_facets(self, state: State) -> float:
         """Share of the squares of the pressures that varies within facets of the master. Collective."""
         ...

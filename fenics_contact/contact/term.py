@@ -96,10 +96,11 @@ class Contact(ContactTerm):
         return ROUNDED * (far + self.places.reach)
 
     def _close_drawn_gaps(self, state: State) -> None:
-        """Take the gaps that surfaces drawn in contact carry at the first state out of all gaps to come."""
+        """Take the gaps that surfaces drawn in contact carry at the first state out of all gaps to come; remember these."""
         gap = self.response(state).gap
         shift = np.where((gap > 0.0) & (gap <= DRAWN * self.surface.cell_height), -gap, 0.0)
-        self.accepted = self.trial = self.trial.remembering(shift=shift)
+        gaps = (gap + shift).ravel()
+        self.accepted = self.trial = self.trial.remembering(shift=shift, gaps=(gaps, gaps))
         self.response(state)
 
     # -- evaluation -----------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from fenics_contact.solvers.entering import Leaks
 from fenics_contact.solvers.holding import thrown
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
+from fenics_contact.solvers.touching import TOUCHES, FirstTouch
 from fenics_contact.solvers.undecided import undecided
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 from fenics_contact.types import Floats
@@ -63,7 +64,7 @@ def run(
     verdict.smallest = smallest or shortest
     sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest if system.damped else 0.0) if system.damping else 0.0
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
-    leaks, turned = Leaks(system), dict[str, Remark]()
+    leaks, turned, touch = Leaks(system), dict[str, Remark](), FirstTouch(system)
     for target in times:
         restless, why = 0, ""
         while target - system.trail.last.t > 1e-12:
@@ -73,7 +74,7 @@ def run(
             size = goal - system.trail.last.t
             report: StepReport | None
             try:
-                report = _attempt(system, stepper, goal)
+                report = _attempt(system, stepper, goal, touch if size / 2 >= verdict.smallest else None)
             except StepFailed as failure:
                 report = None
                 if size <= within * (1.0 + 1e-9) and restless < JUMPS and _carried(system, failure):
@@ -92,6 +93,7 @@ def run(
             else:
                 within = sooner
             system.trail.commit()
+            touch.accepted()
             if report.jumped:
                 verdict.longest = within
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
@@ -105,10 +107,11 @@ def run(
     return verdict
 
 
-def _attempt(system: System, stepper: Stepper, goal: float) -> StepReport:
-    """The report of a step to a state that may be accepted; StepFailed."""
-    report = stepper.step(system, goal)
-    if wrong := system.acceptance.objection() or thrown(system):
+def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch | None) -> StepReport:
+    """The report of a step to a state that may be accepted; StepFailed. touch: None where it may not be shorter."""
+    report, size = stepper.step(system, goal), goal - system.trail.last.t
+    late = touch and touch.objection(system, size)
+    if wrong := system.acceptance.objection() or thrown(system) or late:
         raise StepFailed.of(wrong)
     if wandered(system, report):
         u, q = system.state.u.x.array.copy(), system.state.q.copy()
@@ -140,7 +143,7 @@ def _carried(system: System, failure: StepFailed) -> bool:
     lifts it off when it touches.
     """
     kind = failure.finding.kind
-    return system.damping is not None and kind not in HOPELESS and (system.damped or kind == CYCLING)
+    return system.damping is not None and kind not in (*HOPELESS, TOUCHES) and (system.damped or kind == CYCLING)
 
 
 def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) -> tuple[StepReport | None, str]:
