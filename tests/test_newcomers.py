@@ -1,9 +1,9 @@
-"""Slave nodes that come under the master within a step rub with the rest: they have slid on it since the step began."""
+"""Slave nodes that come under the master within a step rub with the rest, by what they have slid on it and no more."""
 
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, solve
+from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import rectangles, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -75,3 +75,72 @@ def test_the_way_through_the_air_is_no_slip(slave):
     assert near["c_sticking_points"] == far["c_sticking_points"] > 0
     np.testing.assert_allclose(far["c_load_N"], near["c_load_N"], rtol=2e-3)  # was 4 % less
     assert far["c_friction_work_Nmm"] < 1e-3 * far["c_load_N"]
+
+
+def let_down(gap, aside, steps, slave="upper", tool=False):
+    """(load, friction aside, run) of a block let down by 0.4 more than its gap, obliquely, that touches at one place."""
+    start = 6.0 - aside * gap / (gap + 0.4)
+    names = {"lower": ((0.0, -4.0), (16.0, 4.0), (16, 4)), "upper": ((start, gap), (4.0, 3.0), (7, 4))}
+    if tool:
+        del names["lower"]
+    mesh = read_gmsh(rectangles.build, rectangles=names)
+    scene = Scene(*(Body(mesh, name, neo_hooke(0.5, 2.0)) for name in names), plane="strain")
+    scene.fix("upper_ymax")
+    if tool:
+        road = rigid_plane(point=(0, 0, 0), normal=(0, 1, 0), name="road")
+        scene.contact("upper_ymin", road, friction=FRICTION, name="c")
+    else:
+        scene.fix("lower_ymin")
+        sides = ("upper_ymin", "lower_ymax") if slave == "upper" else ("lower_ymax", "upper_ymin")
+        scene.contact(*sides, friction=FRICTION, name="c")
+    stage = Stage("down", prescribe={("upper_ymax", "y"): -gap - 0.4, ("upper_ymax", "x"): aside}, steps=steps)
+    result = solve(scene, stages=[stage]).require()
+    last = result.history[-1]
+    return last["c_load_N"], abs(last["c_friction_x_N"]), result
+
+
+@pytest.mark.parametrize("steps", [1, 3, 10])
+@pytest.mark.parametrize("gap", [0.7, 5.0])
+@pytest.mark.parametrize("aside", [0.2, 0.6])
+@pytest.mark.parametrize("how", [{"tool": True}, {"slave": "upper"}, {"slave": "lower"}], ids=["tool", "upper", "lower"])
+def test_a_block_let_down_obliquely_has_the_friction_of_its_way_since_it_touched(how, aside, gap, steps):
+    """That of a block drawn where it touches, and led on as far, in small steps; it sticks or slides by then."""
+    load, rubs, _ = let_down(0.0, aside, 40, **how)
+    led = aside * (1.0 + gap / 0.4)
+    found, friction, result = let_down(gap, led, steps, **how)
+    assert abs(friction - rubs) < 0.02 * load  # was all of friction, 0.3, where 0.07 ... 0.25 is right
+    np.testing.assert_allclose(found, load, rtol=0.02)
+    assert result.verdict.iterations <= 4 * (steps + 4)
+
+
+def test_what_is_let_down_straight_is_not_cut_back():
+    assert let_down(5.0, 0.0, 1)[2].verdict.cuts == 0
+    assert let_down(5.0, 0.0, 1, tool=True)[2].verdict.cuts == 0
+
+
+def twisted(gap, turn, steps):
+    """Load and torque of a block let down with a twist, by 0.2 more than its gap."""
+    mesh = read_gmsh(two_blocks.build, lower=(10, 10, 2), lower_cells=(6, 6, 2), lower_origin=(-5, -5, -2),
+                     upper=(4, 4, 2), upper_cells=(4, 4, 2), upper_origin=(-2, -2, gap))  # fmt: skip
+    scene = Scene(Body(mesh, "lower", neo_hooke(0.5, 2.0)), Body(mesh, "upper", neo_hooke(2.0, 8.0)))
+    scene.fix("lower_bottom")
+    scene.fix("upper_top")
+
+    def x(X, t):
+        return (np.cos(turn * t) - 1.0) * X[:, 0] - np.sin(turn * t) * X[:, 1]
+
+    def y(X, t):
+        return np.sin(turn * t) * X[:, 0] + (np.cos(turn * t) - 1.0) * X[:, 1]
+
+    scene.contact("upper_bottom", "lower_top", friction=FRICTION, name="c")
+    led = {("upper_top", "x"): x, ("upper_top", "y"): y, ("upper_top", "z"): -gap - 0.2}
+    last = solve(scene, stages=[Stage("down", prescribe=led, steps=steps)]).require().history[-1]
+    return last["c_load_N"], abs(last["c_moment_z_Nmm"])
+
+
+def test_a_block_let_down_with_a_twist_has_the_torque_of_its_turn_since_it_touched():
+    load, torque = twisted(3.8, 0.4, 64)
+    for steps in (1, 3):
+        found, moment = twisted(3.8, 0.4, steps)
+        np.testing.assert_allclose(found, load, rtol=0.02)
+        assert abs(moment - torque) < 0.02 * load * 2.0  # 2: half a side; was all that friction can

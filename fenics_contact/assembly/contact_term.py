@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.term import Findings, State, Term
@@ -154,11 +154,6 @@ class ContactForces(Protocol):
 
     def measures(self, state: State) -> dict[str, Any]: ...
 
-    def first_touch(self, state: State) -> tuple[float, float, float]:
-        """Of the friction on points that were open when the step began what their approach does not explain, their load,
-        and that of all points [force]. Collective."""
-        ...
-
     def within_facets(self, state: State) -> float:
         """Share of the squares of the pressures that varies within facets of the master. Collective."""
         ...
@@ -182,8 +177,22 @@ class ContactForces(Protocol):
     def could_hold(self, state: State) -> set[str]: ...
 
 
+class Newcomers(NamedTuple):
+    """Points that come to touch within a step: of their friction what their approach does not explain, their load, and that
+    of all points [force]; gaps: their mean gap when the step began, and when the last one did [length]."""
+
+    friction: float
+    load: float
+    whole: float
+    gaps: tuple[float, float]
+
+
 class ContactFindings(Findings, Protocol):
     """What ails a contact, beside what every term is asked for."""
+
+    def first_touch(self, state: State) -> Newcomers:
+        """Of the points that were open when the step began. Collective."""
+        ...
 
     def deep(self, state: State) -> Finding | None: ...
 

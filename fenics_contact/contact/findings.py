@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_contact.assembly.contact_term import Newcomers
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import DRAWN
@@ -19,6 +20,7 @@ from fenics_contact.contact.forces import ROUNDINGS
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.leaning import LEANS, ROUND, bent_note, degrees, lean_note, lean_of
 from fenics_contact.contact.led import LED
+from fenics_contact.contact.newcomers import first_touch
 from fenics_contact.kernels.quadratic import TRIANGLE
 from fenics_contact.types import Floats
 
@@ -193,6 +195,10 @@ class Findings:
 
     def __init__(self, contact: Contact) -> None:
         self._contact = contact
+
+    def first_touch(self, state: State) -> Newcomers:
+        """See `newcomers.first_touch`."""
+        return first_touch(self._contact, state)
 
     def objection(self, state: State) -> Finding | None:
         """Why this state, evaluated last, must not be accepted: bodies have passed through one another, a body has folded

@@ -10,7 +10,6 @@ from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import Response, Trial
 from fenics_contact.contact.friction import allowed
 from fenics_contact.contact.measures import contact_measures, stored_energy, within_facets
-from fenics_contact.contact.newcomers import first_touch
 from fenics_contact.kernels.status import OPEN
 from fenics_contact.types import Bools, Floats, Ints
 
@@ -81,10 +80,6 @@ class Forces:
     def measures(self, state: State) -> dict[str, Any]:
         """Sums over all ranks, see `contact_measures`."""
         return contact_measures(self._contact, state)
-
-    def first_touch(self, state: State) -> tuple[float, float, float]:
-        """See `newcomers.first_touch`. Collective."""
-        return first_touch(self._contact, state)
 
     def within_facets(self, state: State) -> float:
         """See `measures.within_facets`. Collective."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fenics_contact.assembly.contact_term import Newcomers
 from fenics_contact.assembly.term import State
 
 if TYPE_CHECKING:
@@ -15,9 +16,8 @@ SHEARED = 0.1  # of what resists pressing in: what resists a way aside, of a blo
 SHORT = 0.005  # of the distance of points: ways that matter little
 
 
-def first_touch(contact: Contact, state: State) -> tuple[float, float, float]:
-    """Of the friction on points that were open when the step began what their approach does not explain, their load, and
-    that of all points [force]. Collective.
+def first_touch(contact: Contact, state: State) -> Newcomers:
+    """Of the points that were open when the step began. Collective.
 
     The way of such a point counts as slip from where the step began. Had it stuck once it touched, body and master would
     have gone on against each other in the direction in which they came: friction to pressure were as the way aside to the
@@ -25,12 +25,12 @@ def first_touch(contact: Contact, state: State) -> tuple[float, float, float]:
     """
     s, trial, response, comm = contact.surface, contact.trial, contact.response(state), state.comm
     pressure, friction = contact.forces.split_traction(state)
-    gaps, loads = trial.history.gaps[0].reshape(s.area.shape), np.maximum(pressure, 0.0) * s.area
+    loads, (gaps, before) = np.maximum(pressure, 0.0) * s.area, (of.reshape(s.area.shape) for of in trial.history.gaps)
     comes = contact.forces.idle(state)[1].reshape(s.area.shape) & (gaps > trial.law.touch)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])[comes]
     load, came, *middle = comm.allreduce(np.array([loads.sum(), loads[comes].sum(), *(loads[comes] @ x)]))
     if came == 0.0:
-        return 0.0, 0.0, float(load)
+        return Newcomers(0.0, 0.0, float(load), (0.0, 0.0))
     size = np.linalg.norm(friction, axis=2)
     way = contact.partner.anchors.slid(contact.places.feet(state), trial, response.status)[0]
     way = way + size / s.stiffness[:, None]  # and what friction has kept it from
@@ -38,7 +38,8 @@ def first_touch(contact: Contact, state: State) -> tuple[float, float, float]:
     more = np.where(way > SHORT * s.spacing[:, None], np.maximum(size - explained, 0.0), 0.0)
     rubs = (friction * (s.area * more / np.where(size > 0.0, size, 1.0))[..., None])[comes]
     arms = x - np.array(middle) / came
-    square = loads[comes] @ np.square(arms).sum(axis=1)
-    sums = comm.allreduce(np.array([*rubs.sum(axis=0), *np.cross(arms, rubs).sum(axis=0), square]))
-    turns = np.linalg.norm(sums[3:6]) / np.sqrt(sums[6] / came) if sums[6] > 0.0 else 0.0
-    return float(max(np.linalg.norm(sums[:3]), turns)), float(came), float(load)
+    weighed = [loads[comes] @ of for of in (np.square(arms).sum(axis=1), gaps[comes], before[comes])]
+    sums = comm.allreduce(np.array([*rubs.sum(axis=0), *np.cross(arms, rubs).sum(axis=0), *weighed]))
+    square, then, earlier = sums[6:] / came
+    turns = np.linalg.norm(sums[3:6]) / np.sqrt(square) if square > 0.0 else 0.0
+    return Newcomers(float(max(np.linalg.norm(sums[:3]), turns)), float(came), float(load), (float(then), float(earlier)))

@@ -193,9 +193,8 @@ class Contact(ContactTerm):
         h, points = self.accepted.history, self.surface.area.shape
         packed = self.partner.anchors.packed
         out = packed(h.anchors, h.feet, "anchor") | packed(h.rests, h.feet, "rest") | self.partner.sites(h.feet)
-        out |= {"slip_path": h.slip_path, "rubbed": h.rubbed, "met": h.met, "raised": h.raised}
-        if self.partner.foresees:
-            out["gaps"] = np.stack(h.gaps, axis=-1).reshape(*points, 2)
+        gaps = np.stack(h.gaps, axis=-1).reshape(*points, 2)
+        out |= {"slip_path": h.slip_path, "rubbed": h.rubbed, "met": h.met, "raised": h.raised, "gaps": gaps}
         return out if self.penetration is None else out | {"shift": h.shift}
 
     def restore(self, values: dict[str, Array], state: State) -> None:
@@ -204,7 +203,7 @@ class Contact(ContactTerm):
         self.partner.put_sites(values, state)
         feet = self.places.feet(state)
         anchors, rests = (self.partner.anchors.unpacked(values, name) for name in ("anchor", "rest"))
-        gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T)) if self.partner.foresees else h.gaps
+        gaps = tuple(np.ascontiguousarray(values["gaps"].reshape(-1, 2).T))
         h = replace(h, anchors=anchors, rests=rests, before=anchors, slip_path=values["slip_path"], met=values["met"])
         h = replace(
             h, rubbed=values["rubbed"], raised=values["raised"], shift=values.get("shift", h.shift), gaps=gaps, feet=feet

@@ -88,7 +88,7 @@ def run(
                 if report is None:
                     system.trail.rollback()
                     verdict.cut(failure, f"step to t = {goal:.6g}")
-                    verdict.longest = size / 2
+                    verdict.longest = size * touch.part
                     continue
             else:
                 within = sooner
@@ -109,8 +109,8 @@ def run(
 
 def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch | None) -> StepReport:
     """The report of a step to a state that may be accepted; StepFailed. touch: None where it may not be shorter."""
-    report, size = stepper.step(system, goal), goal - system.trail.last.t
-    late = touch and touch.objection(system, size)
+    report = stepper.step(system, goal)
+    late = touch.objection() if touch else None
     if wrong := system.acceptance.objection() or thrown(system) or late:
         raise StepFailed.of(wrong)
     if wandered(system, report):

@@ -1,5 +1,7 @@
 """Bodies that first touch within a step while they move aside: the step ends about where they touch."""
 
+import numpy as np
+
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.system import System
@@ -11,27 +13,38 @@ FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies 
 
 
 class FirstTouch:
-    """What a step's state has friction of a way through the air in.
+    """Looks for friction that a step's state has of a way through the air.
 
-    Loads are those of the longest step that was tried from the accepted state: in a shorter one that has just touched
-    friction is its share of hardly any.
+    part: after what part of the step that was refused last bodies touch: as they have come nearer in the step before, or
+    else half of it. Loads are those of the longest step that was tried from the accepted state: in a shorter one that has
+    just touched friction is its share of hardly any.
     """
 
     def __init__(self, system: System) -> None:
-        self._contacts = [contact for contact in system.contacts if contact.rough]
+        self._system, self._contacts = system, [contact for contact in system.contacts if contact.rough]
         self._loads: dict[ContactTerm, float] = {}
-        self._longest = 0.0
+        self._longest, self.part = 0.0, 0.5
 
-    def objection(self, system: System, size: float) -> Finding | None:
-        """Why a step of a size [t] to the present state is too long. Collective."""
+    def objection(self) -> Finding | None:
+        """Why the step to the present state is too long. Collective."""
+        system, self.part = self._system, 0.5
+        size = system.state.t - system.trail.last.t
         self._longest = max(self._longest, size)
         for contact in self._contacts:
-            friction, came, load = contact.forces.first_touch(system.state)
-            most = self._loads[contact] = max(self._loads.get(contact, 0.0), load)
-            if size > FEWEST * self._longest and came > ALL * load and friction > SLIGHT * most:
+            come = contact.findings.first_touch(system.state)
+            most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.whole)
+            if size > FEWEST * self._longest and come.load > ALL * come.whole and come.friction > SLIGHT * most:
+                self.part = self._touched(come.gaps, size)
                 reason = "what touches first within the step has friction of its way through the air"
                 return Finding(TOUCHES, reason, f"contact '{contact.name}'", "take more steps there")
         return None
+
+    def _touched(self, gaps: tuple[float, float], size: float) -> float:
+        before, (now, then) = self._system.trail.accepted[-2:], gaps
+        if len(before) < 2 or now >= then:
+            return 0.5
+        rate = (then - now) / (before[1].t - before[0].t)
+        return float(np.clip(now / (rate * size), FEWEST, 0.5))
 
     def accepted(self) -> None:
         """The next step begins."""
