@@ -494,7 +494,7 @@ def test_jumps_grow_where_they_come_to_rest_and_end_where_they_do_not(monkeypatc
 def test_steps_in_which_no_jump_is_tried_use_none_up(monkeypatch):
     """Not asked for, damping is tried where statuses cycle alone: steps that fail otherwise before leave it its tries."""
     system, others = Creeping(True), 4 + control.JUMPS
-    system.damped, system.contacts = False, [SimpleNamespace(surface=SimpleNamespace(cell_height=1.0))]
+    system.damped, system.contacts = False, [SimpleNamespace(surface=SimpleNamespace(cell_height=1.0), rough=False)]
 
     def step(system, t):
         system.steps += 1

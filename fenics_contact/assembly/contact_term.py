@@ -179,12 +179,14 @@ class ContactForces(Protocol):
 
 class Newcomers(NamedTuple):
     """Points that come to touch within a step: of their friction what their approach does not explain, their load, and that
-    of all points [force]; gaps: their mean gap when the step began, and when the last one did [length]."""
+    of all points [force]; gaps: their mean gap when the step began, and when the last one did [length]; normal (3,): the
+    mean of their unit normals, a unit vector."""
 
     friction: float
     load: float
     whole: float
     gaps: tuple[float, float]
+    normal: Floats
 
 
 class ContactFindings(Findings, Protocol):

@@ -20,6 +20,8 @@ LEANS = 0.05  # of a contact's pressure: when more of it acts aside, friction of
 # touches, the slave's normals are nearer to the truth: with 0.03 forces are right to 0.002 of the load, with 0.12 they are
 # off by 0.04
 ASIDE = 0.005
+# Likewise without friction, where nothing may act aside. Less is common at edges that are pressed and fold
+NONE = 0.01
 BENT = 0.01  # of the friction of nodes that slip
 SEVERAL = 4  # slave nodes that slide: fewer, as where a tool lifts off, know normals and forces roughly
 SMOOTH = "let the side without that edge be the slave"
@@ -60,8 +62,10 @@ def lean_note(contact: Contact, state: State, lean: Lean) -> Remark | None:
     sticks, slips = _moves(contact, state)
     slides = contact.rough and slips >= SEVERAL and not sticks
     text = f"contact '{contact.name}': it acts by normals of the slave that lean from those of '{contact.master_name}'"
-    if at_ends > (ASIDE if slides else LEANS):
-        off = "by so much of the load its tangential force is off" if slides else "its tangential force may be off as far"
+    free = not contact.rough
+    if at_ends > (ASIDE if slides else NONE if free else LEANS):
+        known = slides or free
+        off = "by so much of the load its tangential force is off" if known else "its tangential force may be off as far"
         return Remark(
             at_ends,
             f"{text}: an edge of the slave folds, or turns within a step where it is what touches, and {at_ends:.2g} of the "

@@ -8,12 +8,12 @@ import numpy as np
 
 from fenics_contact.assembly.contact_term import Newcomers
 from fenics_contact.assembly.term import State
+from fenics_contact.contact.unit import unit
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
 SHEARED = 0.1  # of what resists pressing in: what resists a way aside, of a block that bends, too
-SHORT = 0.005  # of the distance of points: ways that matter little
 
 
 def first_touch(contact: Contact, state: State) -> Newcomers:
@@ -30,16 +30,18 @@ def first_touch(contact: Contact, state: State) -> Newcomers:
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])[comes]
     load, came, *middle = comm.allreduce(np.array([loads.sum(), loads[comes].sum(), *(loads[comes] @ x)]))
     if came == 0.0:
-        return Newcomers(0.0, 0.0, float(load), (0.0, 0.0))
+        return Newcomers(0.0, 0.0, float(load), (0.0, 0.0), np.zeros(3))
     size = np.linalg.norm(friction, axis=2)
     way = contact.partner.anchors.slid(contact.places.feet(state), trial, response.status)[0]
     way = way + size / s.stiffness[:, None]  # and what friction has kept it from
     explained = SHEARED * pressure * way / np.where(comes, gaps, 1.0)
-    more = np.where(way > SHORT * s.spacing[:, None], np.maximum(size - explained, 0.0), 0.0)
-    rubs = (friction * (s.area * more / np.where(size > 0.0, size, 1.0))[..., None])[comes]
+    more = np.maximum(size - explained, 0.0) / np.where(size > 0.0, size, 1.0)
+    along = (friction * (s.area * more)[..., None])[comes]
     arms = x - np.array(middle) / came
     weighed = [loads[comes] @ of for of in (np.square(arms).sum(axis=1), gaps[comes], before[comes])]
-    sums = comm.allreduce(np.array([*rubs.sum(axis=0), *np.cross(arms, rubs).sum(axis=0), *weighed]))
-    square, then, earlier = sums[6:] / came
+    normal = loads[comes] @ contact.forces.normals(state)[comes]
+    sums = comm.allreduce(np.array([*along.sum(axis=0), *np.cross(arms, along).sum(axis=0), *weighed, *normal]))
+    square, then, earlier = sums[6:9] / came
     turns = np.linalg.norm(sums[3:6]) / np.sqrt(square) if square > 0.0 else 0.0
-    return Newcomers(float(max(np.linalg.norm(sums[:3]), turns)), float(came), float(load), (float(then), float(earlier)))
+    rubs = max(float(np.linalg.norm(sums[:3])), float(turns))
+    return Newcomers(rubs, float(came), float(load), (float(then), float(earlier)), unit(sums[9:]))

@@ -5,10 +5,12 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.system import System
+from fenics_contact.types import Floats
 
 TOUCHES = "first touch of what moves aside"  # the kind of failure
 ALL = 0.95  # of a contact's load on points that come in: it had none before
-SLIGHT = 0.02  # of the load: friction that is not looked at
+SLIGHT = 0.02  # of the load: friction that is not looked at, as a way aside of so much of the gap gives at most
+SHORT = 0.005  # of a cell's height: ways aside that matter little
 FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies touch
 
 
@@ -33,11 +35,24 @@ class FirstTouch:
         for contact in self._contacts:
             come = contact.findings.first_touch(system.state)
             most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.whole)
-            if size > FEWEST * self._longest and come.load > ALL * come.whole and come.friction > SLIGHT * most:
+            first = come.load > ALL * come.whole and come.friction > SLIGHT * most
+            if not (first and size > FEWEST * self._longest):
+                continue
+            if self._led_aside(come.normal) > max(SLIGHT * come.gaps[0], SHORT * contact.surface.cell_height):
                 self.part = self._touched(come.gaps, size)
                 reason = "what touches first within the step has friction of its way through the air"
                 return Finding(TOUCHES, reason, f"contact '{contact.name}'", "take more steps there")
         return None
+
+    def _led_aside(self, normal: Floats) -> float:
+        """How far [length] supports and tools lead something across a unit normal (3,) in this step: what bodies do by
+        themselves they do as they are pressed. Collective."""
+        system, last = self._system, self._system.trail.last
+        led, moved = np.zeros_like(last.u), system.state.q - last.q
+        system.supports.put(led, system.supports.held(system.state.u.x.array - last.u))
+        across = np.concatenate([led.reshape(-1, 3), moved[:, :3]]) @ (np.eye(3) - np.outer(normal, normal))
+        turned = np.abs(moved[:, 3:]).max(initial=0.0)
+        return max(system.comm.allgather(max(np.linalg.norm(across, axis=1).max(initial=0.0), turned)))
 
     def _touched(self, gaps: tuple[float, float], size: float) -> float:
         before, (now, then) = self._system.trail.accepted[-2:], gaps
