@@ -41,6 +41,7 @@ from fenics_contact.output.history import (
     widest_turn,
 )
 from fenics_contact.output.names import energy_unit
+from fenics_contact.output.results import Results
 from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
@@ -164,7 +165,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         solver = plans[system.stages.index].solver
-        error, chords, nodes = _errors(system, solver, scene.section) if verdict.converged else (None, {}, {})
+        error, chords, nodes = _errors(system, solver, scene.section, kept.results) if verdict.converged else (None, {}, {})
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     summary["node_error"] = node_summary(nodes, scene.units)
@@ -228,7 +229,7 @@ def _stage_ended(scene: Scene, system: System, plan: Plan, kept: Recorder) -> No
     if any(contact.findings.misstated(system.state) for contact in system.contacts):
         return
     with system.timers("penalty error"):
-        found = sensitivities(system, plan.solver, [stiffer(system)])
+        found = sensitivities(system, plan.solver, [stiffer(system)], pressures=kept.results.pressures)
     if found is not None:
         travel, loads = _greatest(scene, system, kept)
         cost = penalty_summary(penalty_error(system, found[0], scene.section), list(travel), scene.units)
@@ -259,13 +260,14 @@ def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
     return Carried(area, s.area.shape[1] - 1, "Gauss point")
 
 
-def _errors(system: System, solver: LinearSolver, section: Section | None) -> Errors:
+def _errors(system: System, solver: LinearSolver, section: Section | None, results: Results) -> Errors:
     """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
     `chord_error` and `node_error`. Collective."""
     round_, deep = is_round(system), deeper(system)
     varied = [stiffer(system), *([rounder(system)] if round_ else []), *([lifted(system, deep)] if deep else [])]
     # points follow what shifts them but for a penetration, all that presses: a solve must tell that from the way
-    found = sensitivities(system, solver, varied, LINEAR * min(deep.part, 1.0) if deep else LINEAR)
+    tolerance = LINEAR * min(deep.part, 1.0) if deep else LINEAR
+    found = sensitivities(system, solver, varied, tolerance, results.pressures)
     if found is None:
         return None, {}, {}
     chords = chord_error(system, found[1]) if round_ else {}

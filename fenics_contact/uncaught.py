@@ -113,6 +113,14 @@ def words(error: BaseException, message: str) -> str:
     return f"{before}Traceback (most recent call last):\n{place}{type(error).__name__}: {message}\n"
 
 
+def last_words(error: BaseException) -> str:
+    """An error's type and message, as they end what is printed of it."""
+    message = unknown_word(error)
+    if message is not None:
+        return f"{type(error).__name__}: {message}"
+    return "".join(traceback.TracebackException.from_exception(error).format_exception_only()).strip()
+
+
 def _is_users(frame: FrameType) -> bool:
     file = frame.f_code.co_filename
     if file.startswith(OF_USERS):

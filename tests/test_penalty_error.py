@@ -188,6 +188,25 @@ def test_peak_pressure_and_summary(tmp_path):
     assert "c" in json.loads((folder / "summary.json").read_text())["penalty_error"]["contacts"]
 
 
+@pytest.mark.parametrize("points", ["nodes", 2])
+def test_the_peak_is_the_columns_and_its_change_a_share_of_that(points):
+    """At an edge too, where a node's pressure counts over the sides that are pressed."""
+    peaks, shares = [], []
+    for penalty in (10.0, 500.0):
+        mesh = read_gmsh(two_blocks.build, lower_cells=(6, 6, 2), upper_cells=(4, 4, 2))
+        scene = Scene(Body(mesh, "lower", RUBBER), Body(mesh, "upper", RUBBER))
+        scene.fix("lower_bottom")
+        scene.fix("upper_top")
+        scene.contact("upper_bottom", "lower_top", 0.3, penalty=penalty, points=points, name="c")
+        down, aside = (Stage(axis, prescribe={("upper_top", axis): way}, steps=2) for axis, way in (("z", -2.0), ("x", 3.0)))
+        result = solve(scene, stages=[down, aside]).require()
+        said = result.summary["penalty_error"]["contacts"]["c"]
+        peaks.append(result.column("c_peak_pressure_MPa")[-1])
+        shares.append(said["peak_pressure_change_share"])
+        assert said["peak_pressure_MPa"] == pytest.approx(peaks[-1], rel=1e-8)
+    assert 0.5 < shares[0] / (peaks[1] / peaks[0] - 1.0) < 2.0
+
+
 def test_a_pushed_tool_goes_less_deep():
     soft, stiff = pair(punch, 5.0, 50.0, pushed=True)
     true = stiff.history[-1]["punch_travel_z_mm"] - soft.history[-1]["punch_travel_z_mm"]

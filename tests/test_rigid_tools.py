@@ -238,3 +238,16 @@ def test_a_body_in_an_inner_corner_of_a_union_is_told_to_take_two_contacts(push)
     assert two.converged and not one.converged, one.reason
     assert "a point lies in an inner corner of 'corner'" in one.reason and "at (1, 0, 0)" in one.place
     assert "contacts of their own" in one.remedy
+
+
+def test_a_body_drawn_in_an_inner_corner_of_a_union_is_told_so_soon():
+    """No step is so short that its node leaves the corner: it took 13 cut-backs, down to the shortest step."""
+    mesh = read_gmsh(rectangles.build, rectangles={"box": ((0.0, 0.0), (1.0, 1.0), (4, 4))})
+    scene = Scene(Body(mesh, "box", neo_hooke(1.0, 5.0)), plane="strain")
+    floor, wall = rigid_plane((0, 0, 0), (0, 1, 0), name="floor"), rigid_plane((1, 0, 0), (-1, 0, 0), name="wall")
+    scene.contact(("box_ymin", "box_xmax"), rigid_union(floor, wall, name="corner"), 0.2, name="c")
+    scene.prescribe("box_xmin", "x", 0.06)
+    scene.prescribe("box_ymax", "y", -0.06)
+    verdict = solve(scene, steps=5).verdict
+    assert "a point lies in an inner corner of 'corner'" in verdict.reason and "at (1, 0, 0)" in verdict.place
+    assert verdict.cuts <= 4

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
+from mpi4py import MPI
 
 from fenics_contact import Body, Output, Scene, neo_hooke, read_gmsh, rigid_plane, solve
 from fenics_contact.meshes import box
@@ -74,6 +75,49 @@ def test_every_end_is_a_row_and_a_second_call_runs_nothing(folder):
     before = path.read_text()
     study.run(folder, progress=False)
     assert path.read_text() == before
+
+
+def failing(way):
+    """Ways in which a case fails on any number of processes."""
+    if way == "one rank" and MPI.COMM_WORLD.rank > 0:
+        raise RuntimeError("on one alone")
+    if way == "one rank":
+        return {"F_N": 1.0}
+    if way == "wrong on one rank" and MPI.COMM_WORLD.rank == 1:
+        raise ValueError("no such scene")
+    if "on one rank" in way:
+        MPI.COMM_WORLD.barrier()
+    if way == "raises":
+        raise NameError("two lines\nof words")
+    if way == "is ended":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if way == "exits":
+        os._exit(3)
+    return {"F_N": 1j} if way == "no number" else None
+
+
+FAILING = {
+    "one rank": "stopped: RuntimeError: on one alone",
+    "wrong on one rank": "refused: no such scene",
+    "raises": "stopped: NameError: two lines\nof words",
+    "is ended": "stopped: exit 137",
+    "exits": "stopped: exit 3",
+    "nothing": "refused: a case returns a Result or a dict, and this one has returned None",
+    "no number": "stopped: TypeError: float() argument must be a string or a real number, not 'complex'",
+}
+
+
+@pytest.mark.parametrize("processes, shared", [(2, False), (1, True)])
+def test_a_case_that_fails_says_why_on_any_number_of_processes(tmp_path, processes, shared):
+    """In its own words, or with its exit code, and at once where one rank alone has failed and another one waits for it."""
+    alone = ["raises", "is ended", "exits", "nothing", "no number"]
+    ways = alone if processes == 1 else ["one rank", "wrong on one rank", "exits", "nothing"]
+    runs = grid(way=ways, processes=[processes])
+    rows = read(Study("failing", failing, runs, limit=25.0, shared=shared).run(tmp_path, progress=False))
+    assert {row["way"]: row["verdict"] for row in rows} == {way: FAILING[way] for way in ways}
+    assert not any(row["converged"] for row in rows)
+    with pytest.raises(StudyError, match="a case returns a Result or a dict, and this one has returned None"):
+        Study("here", failing, [{"way": "nothing"}]).run(tmp_path, progress=False, isolated=False)
 
 
 def test_an_interrupted_study_goes_on_where_it_stopped(folder):

@@ -13,6 +13,7 @@ from fenics_contact.contact.passing import at_start, tool_distances, tool_normal
 from fenics_contact.contact.rigid_places import RigidPlaces
 from fenics_contact.contact.tools import parts_of
 from fenics_contact.kernels.rigid_shapes import UNION
+from fenics_contact.types import Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -22,8 +23,9 @@ ALIKE = 0.99  # cosine of normals of two parts from which on either holds a poin
 APART = "state its parts as tools in contacts of their own, moved alike, or a profile with a fillet there"
 
 
-def cornered(contact: Contact, state: State) -> Finding | None:
-    """None, or the Finding that a point lies where two parts of a union meet. Collective."""
+def cornered(contact: Contact, state: State, by: Floats | None = None) -> Finding | None:
+    """None, or the Finding that a point lies where two parts of a union meet; by (3,): one that is no farther from there
+    than a cell's height, in the reference. Collective."""
     places, s = contact.places, contact.surface
     if not isinstance(places, RigidPlaces) or places.tool.kind != UNION:
         return None
@@ -34,6 +36,8 @@ def cornered(contact: Contact, state: State) -> Finding | None:
     nearest = normals[gaps.argmin(axis=0), np.arange(len(x))]
     aside = np.einsum("pnc,nc->pn", normals, nearest) < ALIKE
     second = np.where(aside, gaps, np.inf).min(axis=0, initial=np.inf)
+    if by is not None:
+        second = np.where(np.linalg.norm(contact.spots() - by, axis=1) <= s.cell_height, second, np.inf)
     near, place = worst(contact, state.comm, -second, above=(least := -NEAR * s.cell_height))
     if near <= least:
         return None

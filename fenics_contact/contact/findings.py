@@ -301,9 +301,9 @@ class Findings:
         text = f"an edge of the slave presses on '{contact.master_name}', along normals that lean by {degrees(lean)}"
         return Finding(UNKNOWN, text, f"contact '{contact.name}'", f"{ROUND}, or finer cells along it")
 
-    def cornered(self, state: State) -> Finding | None:
-        """A point lies where two parts of a union meet."""
-        return cornered(self._contact, state)
+    def cornered(self, state: State, by: Floats | None = None) -> Finding | None:
+        """A point lies where two parts of a union meet; by: one beside a place of the reference."""
+        return cornered(self._contact, state, by)
 
     def never_met(self, state: State, greatest: float, unknown: float, as_drawn: bool) -> str | None:
         """How far away the master is after a run in which no point has touched it but by rounding; greatest: load of a step,

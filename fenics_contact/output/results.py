@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
 from fenics_contact.output.energies import Energies, EnergyBalance
@@ -92,6 +93,11 @@ class Results:
         )
         reactions = self.reactions.at_state()
         return StepResult(contacts, reactions, travel, angles, self._drives(), energies, self.reactions.of_pairs())
+
+    def pressures(self, contact: ContactTerm) -> Floats:
+        """Of a contact at all local nodes (n,), whose greatest is its peak_pressure. Collective."""
+        (surface,) = (one for one in self.surfaces if one.contact is contact)
+        return surface.at_state().pressure
 
     def memory(self) -> tuple[dict[str, tuple[Ints64, Floats]], dict[str, Any]]:
         """What a checkpoint keeps of the steps behind: {name: (keys, rows)}, and plain values. Collective."""

@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact.assembly.finding import CONVERGED, CYCLING, MEMORY, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
-from fenics_contact.solvers.diagnosis import diagnose
+from fenics_contact.solvers.diagnosis import diagnose, in_corner
 from fenics_contact.solvers.entering import Leaks
 from fenics_contact.solvers.holding import thrown
 from fenics_contact.solvers.report import Stepper, StepReport
@@ -21,6 +21,9 @@ from fenics_contact.types import Floats
 
 SMALLEST = 1e-4  # of the schedule's shortest step: thirteen halvings; what they do not cure is no matter of the step
 HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
+# Cut-backs in a row for a point that jumps between the walls of an inner corner, after which none is tried: where the last
+# state has it there, it lies there however short the step. Bodies on their way into one got through after as many
+CORNERED = 4
 UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
 BALANCE = 'take more steps, or method="newton"'
 SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
@@ -66,7 +69,7 @@ def run(
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
     leaks, turned, touch = Leaks(system), dict[str, Remark](), FirstTouch(system)
     for target in times:
-        restless, why = 0, ""
+        restless, cornered, why = 0, 0, ""
         while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
             goal, turn = _turned(system, target, verdict.longest)
@@ -77,11 +80,13 @@ def run(
                 report = _attempt(system, stepper, goal, touch if size / 2 >= verdict.smallest else None)
             except StepFailed as failure:
                 report = None
+                cornered = cornered + 1 if in_corner(system, failure) else 0
                 if size <= within * (1.0 + 1e-9) and restless < JUMPS and _carried(system, failure):
                     report, why = _jumped(system, stepper, goal, failure)
                     restless = 0 if report else restless + 1
                     within = max(sooner, 2.0 * size) if report else sooner
-                if report is None and (size / 2 < verdict.smallest or failure.finding.kind in HOPELESS):
+                hopeless = failure.finding.kind in HOPELESS or cornered > CORNERED
+                if report is None and (size / 2 < verdict.smallest or hopeless):
                     found = _astray(system, verdict, failure) or diagnose(system, failure, goal)
                     verdict.stop(found._replace(reason=f"{found.reason}; {why}") if why else found, goal)
                     return verdict
@@ -92,6 +97,7 @@ def run(
                     continue
             else:
                 within = sooner
+            cornered = 0
             system.trail.commit()
             touch.accepted()
             if report.jumped:

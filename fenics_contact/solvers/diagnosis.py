@@ -119,6 +119,15 @@ def _unbalanced(system: System) -> str:
     return f"most at {spot(found.place)}" if found else ""
 
 
+def in_corner(system: System, failure: StepFailed) -> bool:
+    """Whether most of what a step leaves out of balance is at a point in an inner corner of a tool: call at the failing
+    iterate. Collective."""
+    if failure.finding.kind not in (UNKNOWN, CYCLING):
+        return False
+    found = system.longest(system.residual_vector.array_r)
+    return found is not None and any(contact.findings.cornered(system.state, found.place) for contact in system.contacts)
+
+
 def _cornered(system: System, known: Finding) -> Finding | None:
     """A finding if a point lies in an inner corner of a tool: it jumps between what holds it there. Collective."""
     for contact in system.contacts:

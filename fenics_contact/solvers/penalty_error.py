@@ -37,17 +37,19 @@ def penalty_error(system: System, found: Sensitivity, section: Section | None) -
     """Changes as all penalties grow without bound, by their Sensitivity: {"contacts": {name: {...}}, "travel_change",
     "angle_change": (tools, 3)}.
 
-    Of a contact: force_change (3,); load, the pressure integrated over the surface, which a resultant may cancel, and its
-    load_change; opening, with what points would pull by then, which open before; peak pressure, peak_at, its reference
-    position, and peak_change, None where it is too great for a first order. What is round-off, or less than a balance
-    leaves, is zero, and so are forces that cancel all round the axis of a plane mesh, of a section. Collective.
+    found: with pressures of nodes. Of a contact: force_change (3,); load, the pressure integrated over the surface, which a
+    resultant may cancel, and its load_change; opening, with what points would pull by then, which open before; peak pressure
+    of a node, peak_at, its reference position, and peak_change, None where it is too great for a first order. What is
+    round-off, or less than a balance leaves, is zero, and so are forces that cancel all round the axis of a plane mesh, of a
+    section. Collective.
     """
     out, least, adds_up = {}, least_load(system), adding_up(section)
+    places = system.space.tabulate_dof_coordinates()
     for term in system.contacts:
         change = found.contacts[term.name]
-        highest = foremost(system.comm, change.pressure, term.spots())
+        highest = foremost(system.comm, change.at_nodes, places)
         peak = highest.value if highest else 0.0
-        after = max(system.comm.allgather((change.pressure + change.to_pressure).max(initial=0.0)))
+        after = max(system.comm.allgather((change.at_nodes + change.to_nodes).max(initial=0.0)))
         grown = after - peak if abs(after - peak) <= UNSETTLED * peak else None
         pressed = {"load": change.load, "load_change": change.to_load, "peak": peak, "peak_change": grown}
         pressed["opening"] = _opening(system, term, change)

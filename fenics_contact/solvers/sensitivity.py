@@ -19,17 +19,21 @@ LINEAR = 1e-4  # relative residual of an iterative solve: an extrapolation itsel
 
 # The trial of a contact where a parameter differs by a number from that of the accepted state
 Vary = Callable[[ContactTerm, float], Trial]
+Pressures = Callable[[ContactTerm], Floats]  # of all local nodes, as the system's state has them
 
 
 class Change(NamedTuple):
     """Of a contact: pressure (n,) at this rank's points, its integral over the surface, load, and the rates of the force on
-    the slave (3,), of the pressure and of the load with the parameter."""
+    the slave (3,), of the pressure and of the load with the parameter; at_nodes, to_nodes: pressures of local nodes and
+    their rates, where asked for."""
 
     pressure: Floats
     load: float
     to_force: Floats
     to_pressure: Floats
     to_load: float
+    at_nodes: Floats
+    to_nodes: Floats
 
 
 class Sensitivity(NamedTuple):
@@ -40,19 +44,23 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivities(
-    system: System, linear: LinearSolver, varied: Sequence[Vary], tolerance: float = LINEAR
+    system: System,
+    linear: LinearSolver,
+    varied: Sequence[Vary],
+    tolerance: float = LINEAR,
+    pressures: Pressures | None = None,
 ) -> list[Sensitivity] | None:
     """Of each parameter s, by one factorisation: K du/ds = -dR/ds, and dF/ds along it; None where the tangent is singular.
 
-    tolerance: relative residual of an iterative solve. The whole residual is differenced: a fluid's share goes by what the
-    contacts press with. Collective.
+    tolerance: relative residual of an iterative solve; pressures: of nodes, for those who ask for them. The whole residual
+    is differenced: a fluid's share goes by what the contacts press with. Collective.
     """
     if not system.contacts:
         return None
     with system.foresight.as_accepted(), system.grounding.faint() if system.grounding else nullcontext():
         if (rates := _rates(system, linear, varied, tolerance)) is None:
             return None
-        found = [_along(system, vary, *rate) for vary, rate in zip(varied, rates, strict=True)]
+        found = [_along(system, vary, rate, pressures) for vary, rate in zip(varied, rates, strict=True)]
         system.assemble_residual()  # the state itself is what the terms remember
     return found
 
@@ -64,27 +72,30 @@ def _varied(system: System, vary: Vary, s: float) -> Trials:
     return {term: term.multipliers.held(system.state, *trials, SLIPPING) for term, trials in of.items()}
 
 
-def _along(system: System, vary: Vary, du: Floats, dq: Floats) -> Sensitivity:
+def _along(system: System, vary: Vary, rate: tuple[Floats, Floats], pressures: Pressures | None) -> Sensitivity:
     """What changes along the rates of the displacement, a local array, and of the tools. Collective."""
-    u, q = system.state.u.x.array.copy(), system.state.q.copy()
-    ahead, here, behind = (_at(system, vary, s, u + s * du, q + s * dq) for s in (NUDGE, 0.0, -NUDGE))
+    u, q, (du, dq) = system.state.u.x.array.copy(), system.state.q.copy(), rate
+    places = [(s, u + s * du, q + s * dq) for s in (NUDGE, 0.0, -NUDGE)]
+    ahead, here, behind = (_at(system, _varied(system, vary, s), place, pressures) for s, *place in places)
     contacts = {}
     for term, more, now, less in zip(system.contacts, ahead, here, behind, strict=True):
-        to_force, to_pressure = ((a - b) / (2.0 * NUDGE) for a, b in zip(more, less, strict=True))
-        area, pressure = term.surface.area.ravel(), now[1]
+        to_force, to_pressure, to_nodes = ((a - b) / (2.0 * NUDGE) for a, b in zip(more, less, strict=True))
+        area, (_, pressure, at_nodes) = term.surface.area.ravel(), now
         load, to_load = system.comm.allreduce(np.array([pressure @ area, to_pressure @ area]))
-        contacts[term.name] = Change(pressure, float(load), to_force, to_pressure, float(to_load))
+        contacts[term.name] = Change(pressure, float(load), to_force, to_pressure, float(to_load), at_nodes, to_nodes)
     return Sensitivity(contacts, dq)
 
 
-def _at(system: System, vary: Vary, s: float, u: Floats, q: Floats) -> list[tuple[Floats, Floats]]:
-    """Resultants of the contacts at a parameter, a displacement and tools' coordinates. Collective."""
-    state, place = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
-    trials = _varied(system, vary, s)
-    state.u.x.array[:], state.q[:] = u, q
-    with system.foresight.trying(trials):
-        found = [term.forces.resultants(state) for term in system.contacts]
+def _at(
+    system: System, trials: Trials, place: Sequence[Floats], pressures: Pressures | None
+) -> list[tuple[Floats, Floats, Floats]]:
+    """Resultants of the contacts and pressures of nodes with these trials, at a displacement and tools' coordinates.
+    Collective."""
+    state, own = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
     state.u.x.array[:], state.q[:] = place
+    with system.foresight.trying(trials):
+        found = [(*term.forces.resultants(state), pressures(term) if pressures else np.empty(0)) for term in system.contacts]
+    state.u.x.array[:], state.q[:] = own
     return found
 
 

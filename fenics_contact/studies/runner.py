@@ -37,6 +37,8 @@ METRICS = (
 )  # fmt: skip
 
 BETWEEN = " | "  # notes of a row
+WHY = ".why"  # ends the name of the file in which, beside the answer's, a process that fails has its error's words
+BANNER = 60 * "-"  # begins what mpirun says of processes that have failed
 
 Run = dict[str, Any]  # parameters of a run, as JSON knows them
 Row = dict[str, Any]  # these and METRICS
@@ -146,7 +148,9 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
 
 
 def row_of(found: Result | Row, outputs: Sequence[str]) -> Row:
-    """A row of what a case returned. Collective. StudyError where it lacks an output."""
+    """A row of what a case returned. Collective. StudyError where it is none, or lacks an output."""
+    if not isinstance(found, Result | dict):
+        raise StudyError(f"a case returns a Result or a dict, and this one has returned {found!r:.60}")
     row = metrics(found) if isinstance(found, Result) else found
     last = row.last | _frictionless(row.smooth, outputs) if isinstance(row, Metrics) else {}
     row = {"converged": True, "verdict": "converged", "t_reached": ""} | row
@@ -305,19 +309,30 @@ class _Worker:
         )
 
     def do(self, task: str, answer: Path, limit: float) -> str | None:
-        """Wait for the answer's file; returns why there is none."""
+        """Wait for the answer's file; returns why there is none: what a process has written of its error, or with what exit
+        code it has died."""
+        said = os.fstat(self.errors.fileno()).st_size
         if not self.single and self.process.stdin is not None:
             self.process.stdin.write(task + "\n")
             self.process.stdin.flush()
-        end = time.monotonic() + limit
+        end, why = time.monotonic() + limit, Path(f"{answer}{WHY}")
         while not answer.exists():
-            if self.process.poll() is not None and not answer.exists():
-                self.errors.seek(0)
-                return (self.errors.read().strip().splitlines() or [f"exit {self.process.returncode}"])[-1]
+            died = self.process.poll()
+            if why.exists():
+                return why.read_text()
+            if died is not None and not answer.exists():
+                return self._death(died, said)
             if time.monotonic() > end:
                 return f"no end within {limit:g} s"
             time.sleep(0.02)
         return None
+
+    def _death(self, code: int, said: int) -> str:
+        """The exit code, of what a signal has ended as shells and mpirun have it, and the last line written since `said`
+        [byte], before mpirun's own."""
+        self.errors.seek(said)
+        lines = self.errors.read().split(BANNER)[0].strip().splitlines()
+        return ": ".join([f"exit {code if code >= 0 else 128 - code}", *lines[-1:]])
 
     def end(self) -> None:
         if self.process.poll() is None:
