@@ -164,7 +164,9 @@ def test_the_moments_of_a_contact_and_of_supports_balance(partner, points):
     ]
     about_origin = sum(np.cross(point, force) + moment for force, moment, point in sides)
     assert np.linalg.norm(about_origin) < 1e-9 * np.linalg.norm(sides[0][0])  # what a reader of history.csv finds
-    for force, about, whole, size in left:
+    touched = [each for each in left if np.linalg.norm(each[3]) > 1e-6]  # a step may end where they first touch
+    assert len(touched) >= 4
+    for force, about, whole, size in touched:
         assert np.linalg.norm(force) < 1e-9 * np.linalg.norm(size) and np.linalg.norm(whole) > 1e-3 * np.linalg.norm(size)
         assert np.linalg.norm(about) < 1e-9 * np.linalg.norm(size), (about, whole)
 
