@@ -183,12 +183,13 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
     taken = len(kept.history)
     # what the forces that balance leaves may do [force length]
     unknown = taken * TOLERANCE * system.scales.balance * system.scales.farthest + system.scales.noise_energy
-    missing = abs(summary["energy"].get(f"error_{energy_unit(scene.units)}", 0.0))
+    missing = abs(summary["energy"].get(f"greatest_error_{energy_unit(scene.units)}", 0.0))
     if missing > unknown:  # a body that moves without strain has no other work
-        turned = widest_turn(kept.history, scene.units, dict(zip(travel, built.beginning.angles, strict=True)))
+        until = kept.history[: summary["energy"]["greatest_error_step"]]
+        turned = widest_turn(until, scene.units, dict(zip(travel, built.beginning.angles, strict=True)))
         has = ["damping"] * system.damped + ["penetration"] * (len(system.augmented) == len(system.contacts))
         has += ["jump"] * built.beginning.jumps
-        kept.remark(energy_notes(summary["energy"], taken, scene.units, built.beginning.overlaps, turned, has))
+        kept.remark(energy_notes(summary["energy"], scene.units, built.beginning.overlaps, turned, has))
     verdict.order()
     return summary
 

@@ -9,7 +9,7 @@ from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import own
 from fenics_contact.contact.partner import slid_since, strayed, worked
 from fenics_contact.kernels import mortar as kernel
-from fenics_contact.kernels.status import SLIP, STICK
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints, Ints64
 
 FLAT = 1e-12  # of the tangential directions: what normals may differ by and count as one
@@ -69,14 +69,15 @@ class NodeAnchors:
         return kernel.anchors_behind(feet.pairs(self._places.facets, own(anchors)), (renewed, slip))
 
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
-        """The anchors to keep when a step is accepted, and the ways slid in it (ns, 1) [length].
+        """The anchors to keep when a step is accepted, and the ways in it of nodes (ns, 1) that do not stick
+        [length].
 
         A node that sticks keeps its own, unless a sample of it has come over the master: no anchor of that one alone would
         leave the mean way as it was.
         """
         averaged, status, _, T, _ = self._laws.tractions(feet, trial)
         slips, stuck = T / self._laws.stick(averaged, trial), status == STICK
-        slid = np.where(status == SLIP, np.linalg.norm(averaged[1] - slips, axis=1), 0.0)
+        slid = np.where(stuck, 0.0, np.linalg.norm(averaged[1] - slips, axis=1))
         anchors = trial.history.anchors
         missing = feet.seated & (own(anchors)[0][feet.samples.anchor, 0] < 0)
         return self._behind(feet, anchors, ~stuck | missing.any(axis=1), slips), slid[:, None]
@@ -93,7 +94,8 @@ class NodeAnchors:
         of, slip, _, pulled = self._rubbing(feet, trial)
         slips = ((status.ravel() == SLIP) & of)[:, None]
         slid, rubbed = np.linalg.norm(slip, axis=1), worked(pulled, slip)
-        return np.where(slips, slid[:, None], 0.0), np.where(slips, rubbed[:, None], 0.0)
+        rubbed = np.where(status.ravel() == OPEN, slid, np.where(slips[:, 0], rubbed, 0.0))
+        return np.where(slips, slid[:, None], 0.0), rubbed[:, None]
 
     def augmented(self, feet: MortarFeet, trial: Trial, status: Ints, share: float) -> Anchors:
         """See `Anchoring.augmented`."""

@@ -83,7 +83,8 @@ class Anchoring(Protocol):
 
     def slid(self, feet: Any, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """How far points that slip (ne, nq) have come from where they rested last, 0 for others, and the way on which their
-        friction has worked: with the multipliers that it has now it turns into the way's direction as it slips [length]."""
+        friction has worked: with the multipliers that it has now it turns into the way's direction as it slips. Points that
+        have opened worked until then: all of their way, on which their friction falls to none [length]."""
         ...
 
     def augmented(self, feet: Any, trial: Trial, status: Ints, share: float) -> Anchors:
@@ -210,7 +211,8 @@ class SingleAnchors:
     resting = here
 
     def committed(self, feet: Any, trial: Trial) -> tuple[Anchors, Floats]:
-        """The anchors to keep when a step is accepted, and the ways slid in it (ne, nq) [length]."""
+        """The anchors to keep when a step is accepted, and the ways in it (ne, nq) of points that do not stick
+        [length]."""
         return self._committed(feet, trial, None)
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:

@@ -13,7 +13,7 @@ from fenics_contact.contact.point_places import FacetFeet
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.contact_pairs import anchors_since_rest, committed_anchors
 from fenics_contact.kernels.quadratic import foot_shapes
-from fenics_contact.kernels.status import SLIP, STICK
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.types import Anchors, Array, Floats, Ints, Ints64
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ class PointAnchors(SingleAnchors):
     def slid(self, feet: FacetFeet, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """See `Anchoring.slid`."""
         ways = self._since(trial.history.rests, feet, trial, (1.0, 1.0))[1]
-        slid, rubbed = (np.where(status == SLIP, way.reshape(self._shape), 0.0) for way in ways[:, :2].T)
-        return slid, rubbed
+        way, worked, _ = ways.T.reshape(3, *self._shape)
+        return np.where(status == SLIP, way, 0.0), np.where(status == OPEN, way, np.where(status == SLIP, worked, 0.0))
 
     def augmented(self, feet: FacetFeet, trial: Trial, status: Ints, share: float) -> Anchors:
         """See `Anchoring.augmented`."""

@@ -10,7 +10,7 @@ from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.partner import SingleAnchors, strayed, worked
 from fenics_contact.contact.rigid_places import RigidFeet
 from fenics_contact.kernels.rigid_element import committed_anchors
-from fenics_contact.kernels.status import SLIP, STICK
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.types import Anchors, Array, Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ class RigidAnchors(SingleAnchors):
         pulled, slip = (self.slip(feet, trial, anchors, slips) for anchors in (trial.history.anchors, rests))
         # chords of what may be round; beside a sharp edge points rest where they are themselves, off its flat faces
         way = slip if tool.sharp else self.here(feet, trial)[0] - rests[0]
-        return np.where(slips, np.linalg.norm(way, axis=2), 0.0), worked(pulled, slip)
+        slid = np.linalg.norm(way, axis=2)
+        return np.where(slips, slid, 0.0), np.where(status == OPEN, slid, worked(pulled, slip))
 
     def slip(self, feet: RigidFeet, trial: Trial, rests: Anchors, which: Bools | bool = True) -> Floats:
         """Slip (ne, nq, 3) of some points from where they rest, or anchors, in the tool's frame [length]; 0 for others."""

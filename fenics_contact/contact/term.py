@@ -21,7 +21,7 @@ from fenics_contact.contact.parts import Parts
 from fenics_contact.contact.penalties import LARGEST, STIFFEST, Penalties, Penalty
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.kernels.law import Friction
-from fenics_contact.kernels.status import OPEN, STICK
+from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.timing import Timers
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64
 
@@ -146,7 +146,8 @@ class Contact(ContactTerm):
             here, stuck = anchors.resting(feet, trial), response.status == STICK
             rests = anchors.chosen(stuck, rests, here)
         kept, slid = anchors.committed(feet, trial)
-        rubbed = slid
+        # what has opened rubbed until then: on all of its way, in the mean of the friction before and none
+        rubbed, slid = slid, np.where(response.status == SLIP, slid, 0.0)
         if self.penetration is not None:  # multipliers have moved the anchors since the step began; rests have stayed
             slid, rubbed = anchors.slid(feet, trial, response.status)
         gaps = (response.gap + h.shift).ravel(), h.gaps[0]

@@ -12,7 +12,7 @@ from fenics_contact.kernels.law import Gaps, Law, Traction, friction_at, tractio
 from fenics_contact.kernels.normals import tangents_at
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import Four, add_row, dot, less, minus, norm, of_four, of_nodes, plus, row, times
+from fenics_contact.kernels.vectors import Four, add_row, dot, less, minus, norm, of_four, of_nodes, planar, plus, row, times
 from fenics_contact.types import Floats, Ints, Ints64
 
 
@@ -117,8 +117,10 @@ def committed_anchors(pairs: Pairs, law: PointLaws, new_anchors: Anchors, slidin
     """The anchors to keep when a step is accepted: new_anchors = (nodes (np, 4), weights (np, 4)), and sliding (np,).
 
     Open or frictionless: the projection itself.  Stick: unchanged.  Slip: behind the projection by the elastic slip
-    T_T/eps_T, the return mapping of (16).  No partner: none (-1).  sliding is the way the anchor's image moved in
-    slip [length].  new_anchors must not be the arrays of anchors.
+    T_T/eps_T, the return mapping of (16).  No partner: none (-1).  sliding is how far points that do not stick have
+    gone [length], all of it along the plane of n: anchors on a facet of another normal trail along n, too (see
+    `slide_anchor`), which no slip did.
+    new_anchors must not be the arrays of anchors.
     """
     _, _, surface, (facet, kind, _, _, _, _), anchors = pairs
     nodes, weights = new_anchors
@@ -137,7 +139,8 @@ def committed_anchors(pairs: Pairs, law: PointLaws, new_anchors: Anchors, slidin
         _keep(q, nodes, weights, surface[0], facet[q], pair.N)
         if found.status == SLIP:
             slide_anchor(q, pair, found.tangential, eps_t[q], weights)
-            sliding[q] = norm(less(pair.w, 1.0 / eps_t[q], found.tangential))
+        if anchors[0][q, 0] >= 0:
+            sliding[q] = norm(less(planar(pair.w, pair.n), 1.0 / eps_t[q], found.tangential))
 
 
 @njit(cache=True, error_model="numpy")
@@ -150,9 +153,8 @@ def anchors_since_rest(
     (share, 1) is Uzawa's update of friction: T_T^tr + share (T_T + eps_T s - T_T^tr), in stick T_T^tr + share eps_T s.
     (factor - 1, factor) lets points go on as they do where the penalty grows: T_T^tr + (factor - 1) eps_T s under a
     tangential penalty factor eps_T, so that their traction is the same at rest.  Returns nodes and weights, on the points'
-    present facets, and ways (np, 3) [length]: |s| of points that stick, |x_M - x_rest| of those that slip; |T_T^tr| / eps_T
-    less what it is at rest; and |s| in stick, of what is not along the friction in slip.  Anchors of other points stay, and
-    their ways are 0.
+    present facets, and ways (np, 3) [length]: |s|; |T_T^tr| / eps_T less what it is at rest; and |s| in stick, in slip what
+    of s is not along the friction.  Anchors of other points stay, and their ways are |s|, 0, 0.
     """
     coords, slaves, surface, projection, anchors = pairs
     resting = coords, slaves, surface, projection, rests
@@ -163,11 +165,11 @@ def anchors_since_rest(
             continue
         pair = place_apart(q, pairs)
         found = _present_traction(q, pair, law, anchors)
+        rested = place_apart(q, resting)
+        slip = planar(rested.w, pair.n)
+        ways[q, 0] = norm(slip)
         if found.status != STICK and found.status != SLIP:
             continue
-        rested = place_apart(q, resting)
-        slip = less(rested.w, dot(pair.n, rested.w), pair.n)
-        ways[q, 0] = norm(slip) if found.status == STICK else norm(rested.w)
         pulled = times(1.0 / eps_t[q], found.trial)
         ways[q, 1] = norm(pulled) - norm(minus(pulled, slip))
         along = dot(pulled, slip) if found.status == SLIP else 0.0

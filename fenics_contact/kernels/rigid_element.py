@@ -183,7 +183,7 @@ def _scatter_tangent(a: Floats, area: Floats, e: int, q: int, D: Floats, tangent
 def committed_anchors(
     points: Points, tool: ToolPose, law: ElementLaws, history: ToolHistory, new_anchor: Floats, sliding: Floats
 ) -> None:
-    """The anchors to keep when a step is accepted (tool's frame), and the slip distance of the step per point.
+    """The anchors to keep when a step is accepted (tool's frame), and how far points that do not stick went in the step.
 
     Open points are anchored at their projection, sticking points keep their anchor, slipping ones are anchored where
     the elastic slip T_T/eps_T ends: the return mapping of (16). Fills new_anchor and sliding (ne, nq) [length].
@@ -208,7 +208,7 @@ def committed_anchors(
             slip = minus(kept, anchor)
             if sharp:
                 slip = planar(slip, n)
-            sliding[e, q] = norm(slip) if found.status == SLIP else 0.0
+            sliding[e, q] = norm(slip)
             put(new_anchor, e, q, kept)
 
 

@@ -54,8 +54,11 @@ class _Rubbing:
 
     def work(self, last: "_Rubbing") -> float:
         """Of friction since the last state: what slides does so at the limit in the direction in which it ends. That of
-        friction which stuck before was another."""
-        return float((0.5 * (self.limit + last.limit) * self.share * (self.way - last.way) * self.area).sum())
+        friction which stuck before was another. What opens does so in the mean of its limit and none on all of its way, as
+        the outer forces do the work of it: when it opened its ends do not tell, and where others come in as it goes what one
+        has too much the next has too little."""
+        share = np.where(self.limit > 0.0, self.share, last.share)
+        return float((0.5 * (self.limit + last.limit) * share * (self.way - last.way) * self.area).sum())
 
 
 @dataclass(frozen=True)

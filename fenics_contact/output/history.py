@@ -147,25 +147,35 @@ def energy_summary(
     growth: Mapping[str, float] = MappingProxyType({}),
     noise: float = 0.0,
 ) -> Summary:
-    """Of a run's rows the work that went in and out, what is not accounted for in the end, its share of that work, the step
-    that left most of it, and by contact, of those in `along`, whose pressures act along what ALONG names and need have no
-    energy, the part of it that they left; of that and, by "", of all of it its growth, how many times as much steps twice as
-    long would leave, where that is known; {} where no work was done but rounding, up to noise [force length]."""
+    """Of a run's rows the work that went in and out; what is not accounted for in the end, and its share of that; the most
+    that was not after a step, of those after which it was beyond COSTLY and what steps explain, if any; the step that left
+    most of it; of it by contact, of those in `along`, whose pressures act along what ALONG names and need have no energy,
+    the share that they left; of that and, by "", of all its growth, how many times as much steps twice as long would leave,
+    where that is known; {} where no work was done but rounding, up to noise [force length].
+
+    Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
+    1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere. What later stages leave
+    the other way hides none of it.
+    """
     unit = energy_unit(units)
     done = rows[-1][f"work_done_{unit}"] if rows else 0.0
     if not done > noise:
         return {}
-    error = np.array([0.0, *(row[f"energy_error_{unit}"] for row in rows)])
-    left = np.abs(np.diff(error))
-    share, most = abs(error[-1]) / done, int(left.argmax())
-    pressures = {name: rows[-1][f"{plain_name(name)}_normal_work_error_{unit}"] for name in along}
+    error, work = (np.array([row[f"{of}_{unit}"] for row in rows]) for of in ("energy_error", "work_done"))
+    explained = np.minimum(1.0 / np.arange(1, len(rows) + 1) ** 2, GROSS) * work
+    told = np.abs(error) > np.maximum(COSTLY * done, explained)
+    last = int((np.abs(error) * (told | (not told.any()))).argmax())
+    left = np.abs(np.diff(error[: last + 1], prepend=0.0))
+    most, pressures = int(left.argmax()), {name: f"{plain_name(name)}_normal_work_error_{unit}" for name in along}
     return {
-        f"work_done_{unit}": done, f"error_{unit}": error[-1], "error_share": share,
+        f"work_done_{unit}": done, f"error_{unit}": error[-1], "error_share": abs(error[-1]) / done,
+        f"greatest_error_{unit}": error[last], "greatest_error_step": last + 1, "greatest_error_t": rows[last]["t"],
+        "explained_share": explained[last] / done,
         "worst_step": most + 1, "worst_step_t": rows[most]["t"], "worst_step_share": left[most] / max(left.sum(), 1e-300),
-        f"normal_work_error_{unit}": pressures,
+        f"normal_work_error_{unit}": {name: rows[-1][column] for name, column in pressures.items()},
+        "left_by_pressures": {name: rows[last][column] / (error[last] or 1.0) for name, column in pressures.items()},
         "normal_work_error_growth": {name: growth[name] for name in along if name in growth},
-        "normals": dict(along),
-        "error_growth": growth.get(""),
+        "normals": dict(along), "error_growth": growth.get(""),
     }  # fmt: skip
 
 
@@ -199,28 +209,20 @@ def widest_turn(rows: Sequence[HistoryRow], units: Units, tools: Mapping[str, Fl
 
 
 def energy_notes(
-    summary: Summary,
-    steps: int,
-    units: Units,
-    overlaps: Sequence[str] = (),
-    turned: float = 0.0,
-    has: Collection[str] = (),
+    summary: Summary, units: Units, overlaps: Sequence[str] = (), turned: float = 0.0, has: Collection[str] = ()
 ) -> list[str]:
-    """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain.
+    """A note where more than COSTLY of the work done is not accounted for, and more than the steps explain. summary: not {}.
 
     overlaps: names of the contacts that overlap at the start, whose energy the first step lets go; turned: see
     `widest_turn` [rad]; has: which of the remedies "damping" and "penetration" the run has, which are not named then, and
     "jump" where its start is out of balance.
-
-    Where a force grows with the way to the power p the trapezoidal rule errs by p (p + 1) / 12 / steps^2 of the work: by
-    1 / steps^2 at most up to the cube. One step that misses more than GROSS may have gone anywhere.
     """
-    share, unit = summary.get("error_share", 0.0), energy_unit(units)
-    jumps = "jump" in has and summary.get("worst_step") == 1
-    if share <= max(COSTLY, 0.0 if jumps else min(1.0 / steps**2, GROSS)):
+    unit, jumps = energy_unit(units), "jump" in has and summary["worst_step"] == 1
+    lost, done = abs(summary[f"greatest_error_{unit}"]), summary[f"work_done_{unit}"]
+    if (share := lost / done) <= max(COSTLY, 0.0 if jumps else summary["explained_share"]):
         return []
-    missing, done = (f"{abs(summary[f'{name}_{unit}']):.4g}" for name in ("error", "work_done"))
-    text = f"energy: {missing} {units.force} {units.length} of the work done, {done}, are missing ({share:.1%})"
+    when = "" if lost == abs(summary[f"error_{unit}"]) else f" at t = {summary['greatest_error_t']:.6g}"
+    text = f"energy: {lost:.4g} {units.force} {units.length} of the work done, {done:.4g}, are missing{when} ({share:.1%})"
     if overlaps and summary["worst_step"] == 1:
         which = f"contact{'s' * (len(overlaps) > 1)} {', '.join(map(repr, overlaps))}"
         return [
@@ -230,9 +232,8 @@ def energy_notes(
     if jumps:
         return [f"{text}, {summary['worst_step_share']:.0%} of that in step 1, which starts out of balance"]
     where = f"{summary['worst_step_share']:.0%} of that in step {summary['worst_step']} to t = {summary['worst_step_t']:.6g}"
-    parts = {name: part / summary[f"error_{unit}"] for name, part in summary[f"normal_work_error_{unit}"].items()}
-    most = max(parts, key=lambda name: parts[name], default="")
-    growth = summary["normal_work_error_growth"].get(most)
+    parts = summary["left_by_pressures"]
+    growth = summary["normal_work_error_growth"].get(most := max(parts, key=parts.__getitem__, default=""))
     if growth is not None and parts[most] > MOST:
         left = f"{text}, {parts[most]:.0%} of that left by the pressures of contact '{most}', "
         if growth > GROWS:
