@@ -62,7 +62,7 @@ from fenics_contact.solvers.node_error import deeper, lifted, node_error
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
 from fenics_contact.solvers.strained import strained
-from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.solvers.verdict import GREW, Verdict
 from fenics_contact.timing import Timers
 from fenics_contact.units import Units
 from fenics_contact.values import SceneError, shown
@@ -214,8 +214,9 @@ def _told(scene: Scene, kept: Recorder, summary: Summary) -> list[str]:
 
 def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder, smallest_step: float | None) -> None:
     """The run's steps. Where a function of the user's raises, what was accepted stays readable and summary.json says why."""
+    told: dict[str, float] = {}
     try:
-        carry(system, plans, kept, kept.verdict, smallest_step, lambda plan: _stage_ended(scene, system, plan, kept))
+        carry(system, plans, kept, kept.verdict, smallest_step, lambda plan: _stage_ended(scene, system, plan, kept, told))
     except SceneError as error:
         kept.verdict.stop(Finding(ERROR, str(error)), system.state.t, len(kept.history) + 1)
         if kept.writer:
@@ -225,8 +226,9 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
         kept.bar.close()
 
 
-def _stage_ended(scene: Scene, system: System, plan: Plan, kept: Recorder) -> None:
-    """What penalties cost where a stage ends: that of the last one may have let go what this has pressed. Collective."""
+def _stage_ended(scene: Scene, system: System, plan: Plan, kept: Recorder, told: dict[str, float]) -> None:
+    """What penalties cost where a stage ends: that of the last one may have let go what this has pressed. told: of contacts
+    the shares of their load that have been noted, once and where they are much greater. Collective."""
     if any(contact.findings.misstated(system.state) for contact in system.contacts):
         return
     with system.timers("penalty error"):
@@ -234,7 +236,11 @@ def _stage_ended(scene: Scene, system: System, plan: Plan, kept: Recorder) -> No
     if found is not None:
         travel, loads = _greatest(scene, system, kept)
         cost = penalty_summary(penalty_error(system, found[0], scene.section), list(travel), scene.units)
-        kept.remark([plan.stage.says(note) for note in penalty_notes(cost, travel, scene.units, loads)])
+        shares = {name: e["force_change_over_load"] for name, e in cost["contacts"].items()}
+        cost["contacts"] = {name: e for name, e in cost["contacts"].items() if shares[name] > GREW * told.get(name, 0.0)}
+        notes = penalty_notes(cost, travel, scene.units, loads)
+        kept.remark([plan.stage.says(note) for note in notes])
+        told |= {name: shares[name] for name in cost["contacts"] if any(f"contact '{name}'" in note for note in notes)}
 
 
 def _greatest(scene: Scene, system: System, kept: Recorder) -> tuple[dict[str, float], dict[str, float]]:
