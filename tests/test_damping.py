@@ -507,6 +507,7 @@ def test_steps_in_which_no_jump_is_tried_use_none_up(monkeypatch):
 
     system.step = step
     monkeypatch.setattr(control, "jump", jump)
+    monkeypatch.setattr(control, "in_corner", lambda *_: False)
     monkeypatch.setattr(control, "diagnose", lambda _, failure, goal: failure.finding)
     assert control.run(system, system, [1.0], lambda *_: None).converged and system.jumps
 

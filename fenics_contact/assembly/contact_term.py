@@ -178,13 +178,12 @@ class ContactForces(Protocol):
 
 
 class Newcomers(NamedTuple):
-    """Points that come to touch within a step: of their friction what their approach does not explain, their load, and that
-    of all points [force]; gaps: their mean gap when the step began, and when the last one did [length]; normal (3,): the
-    mean of their unit normals, a unit vector."""
+    """Points that come to touch within a step, where they are all that presses: of their friction what their approach does
+    not explain, none where others press, and their load [force]; gaps: their mean gap when the step began, and when the last
+    one did [length]; normal (3,): the mean of their unit normals, a unit vector."""
 
     friction: float
     load: float
-    whole: float
     gaps: tuple[float, float]
     normal: Floats
 
@@ -193,7 +192,7 @@ class ContactFindings(Findings, Protocol):
     """What ails a contact, beside what every term is asked for."""
 
     def first_touch(self, state: State) -> Newcomers:
-        """Of the points that were open when the step began. Collective."""
+        """Of the points that were open when the step began, where all of the load is on such. Collective."""
         ...
 
     def deep(self, state: State) -> Finding | None: ...

@@ -122,7 +122,7 @@ def _unbalanced(system: System) -> str:
 def in_corner(system: System, failure: StepFailed) -> bool:
     """Whether most of what a step leaves out of balance is at a point in an inner corner of a tool: call at the failing
     iterate. Collective."""
-    if failure.finding.kind not in (UNKNOWN, CYCLING):
+    if failure.finding.kind not in (UNKNOWN, CYCLING) or not system.contacts:
         return False
     found = system.longest(system.residual_vector.array_r)
     return found is not None and any(contact.findings.cornered(system.state, found.place) for contact in system.contacts)

@@ -8,7 +8,6 @@ from fenics_contact.assembly.system import System
 from fenics_contact.types import Floats
 
 TOUCHES = "first touch of what moves aside"  # the kind of failure
-ALL = 0.95  # of a contact's load on points that come in: it had none before
 SLIGHT = 0.02  # of the load: friction that is not looked at, as a way aside of so much of the gap gives at most
 SHORT = 0.005  # of a cell's height: ways aside that matter little
 FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies touch
@@ -34,9 +33,8 @@ class FirstTouch:
         self._longest = max(self._longest, size)
         for contact in self._contacts:
             come = contact.findings.first_touch(system.state)
-            most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.whole)
-            first = come.load > ALL * come.whole and come.friction > SLIGHT * most
-            if not (first and size > FEWEST * self._longest):
+            most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.load)
+            if come.friction <= SLIGHT * most or size <= FEWEST * self._longest:
                 continue
             if self._led_aside(come.normal) > max(SLIGHT * come.gaps[0], SHORT * contact.surface.cell_height):
                 self.part = self._touched(come.gaps, size)
