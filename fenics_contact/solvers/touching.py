@@ -9,6 +9,7 @@ from fenics_contact.types import Floats
 
 TOUCHES = "first touch of what moves aside"  # the kind of failure
 SLIGHT = 0.02  # of the load: friction that is not looked at, as a way aside of so much of the gap gives at most
+LEAST = 0.002  # of the largest force: friction that matters to nothing yet, as of a strap that comes to lie on its drum
 SHORT = 0.005  # of a cell's height: ways aside that matter little
 FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies touch
 
@@ -34,7 +35,8 @@ class FirstTouch:
         for contact in self._contacts:
             come = contact.findings.first_touch(system.state)
             most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.load)
-            if come.friction <= SLIGHT * most or size <= FEWEST * self._longest:
+            slight = max(SLIGHT * most, LEAST * system.scales.balance)
+            if come.friction <= slight or size <= FEWEST * self._longest:
                 continue
             if self._led_aside(come.normal) > max(SLIGHT * come.gaps[0], SHORT * contact.surface.cell_height):
                 self.part = self._touched(come.gaps, size)
