@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.term import Findings, State, Term
 from fenics_contact.assembly.trial import Response, Trial
@@ -177,22 +179,39 @@ class ContactForces(Protocol):
     def could_hold(self, state: State) -> set[str]: ...
 
 
+class Leads(NamedTuple):
+    """What leads bodies in a step: vectors (k, 3), of which each may be that of any part of them, and how far something
+    turns [length], which goes in every direction; endless where nothing tells that."""
+
+    ways: Floats
+    turned: float
+
+    def across(self, normals: Floats) -> Floats:
+        """How far (n,) these lead at most across unit normals (n, 3) [length]."""
+        aside = self.ways - (normals @ self.ways.T)[..., None] * normals[:, None]
+        return np.maximum(np.linalg.norm(aside, axis=2).max(axis=1, initial=0.0), self.turned)
+
+    def along(self, normals: Floats) -> Floats:
+        """How far (n,) along them [length]."""
+        return np.asarray(np.abs(normals @ self.ways.T).max(axis=1, initial=0.0))
+
+
 class Newcomers(NamedTuple):
-    """Points that come to touch within a step, where they are all that presses: of their friction what their approach does
-    not explain, none where others press, and their load [force]; gaps: their mean gap when the step began, and when the last
-    one did [length]; normal (3,): the mean of their unit normals, a unit vector."""
+    """Points that come to touch within a step, where nothing has pressed before and they are all that does: of their
+    friction what their approach does not explain, otherwise none, and the load [force]; gaps: their mean gap when the step
+    began, and when the last one did [length]."""
 
     friction: float
     load: float
     gaps: tuple[float, float]
-    normal: Floats
 
 
 class ContactFindings(Findings, Protocol):
     """What ails a contact, beside what every term is asked for."""
 
-    def first_touch(self, state: State) -> Newcomers:
-        """Of the points that were open when the step began, where all of the load is on such. Collective."""
+    def first_touch(self, state: State, leads: Leads) -> Newcomers:
+        """Of the points that were open when the step began and are led aside, where all of the load is on such as were
+        open, and there was none. Collective."""
         ...
 
     def deep(self, state: State) -> Finding | None: ...

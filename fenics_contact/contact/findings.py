@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import Newcomers
+from fenics_contact.assembly.contact_term import Leads, Newcomers
 from fenics_contact.assembly.finding import LOST, NO_LAW, TOO_SOFT, TOO_STIFF, UNKNOWN, Finding, Remark
 from fenics_contact.assembly.term import State
 from fenics_contact.assembly.trial import DRAWN
@@ -196,9 +196,9 @@ class Findings:
     def __init__(self, contact: Contact) -> None:
         self._contact = contact
 
-    def first_touch(self, state: State) -> Newcomers:
+    def first_touch(self, state: State, leads: Leads) -> Newcomers:
         """See `newcomers.first_touch`."""
-        return first_touch(self._contact, state)
+        return first_touch(self._contact, state, leads)
 
     def objection(self, state: State) -> Finding | None:
         """Why this state, evaluated last, must not be accepted: bodies have passed through one another, a body has folded

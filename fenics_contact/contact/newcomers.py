@@ -6,43 +6,60 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import Newcomers
+from fenics_contact.assembly.contact_term import Leads, Newcomers
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.unit import unit
+from fenics_contact.types import Bools, Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
 ALL = 0.95  # of a contact's load on points that come in: it had none before
 SHEARED = 0.1  # of what resists pressing in: what resists a way aside, of a block that bends, too
+SHORT = 0.005  # of a cell's height: ways aside that matter little
+STEEP = 0.2  # of the way nearer: with more of it aside points come on a flank, of which the other may be opposite
 
 
-def first_touch(contact: Contact, state: State) -> Newcomers:
-    """Of the points that were open when the step began, where all of the load is on such. Collective.
+def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
+    """Of the points that were open when the step began and are led aside, where all of the load is on such as were open, and
+    there was none. Collective.
 
     The way of such a point counts as slip from where the step began. Had it stuck once it touched, body and master would
     have gone on against each other in the direction in which they came: friction to pressure were as the way aside to the
-    gap, times what resists either. Its sum, or what it turns them by, is what a body gets of it.
+    gap, times what resists either. Its sum, or what it turns them by, is what a body gets of it. What comes from farther
+    than is searched may rest, or rub in any direction.
     """
     s, trial, response, comm = contact.surface, contact.trial, contact.response(state), state.comm
     pressure, friction = contact.forces.split_traction(state)
-    loads, (gaps, before) = np.maximum(pressure, 0.0) * s.area, (of.reshape(s.area.shape) for of in trial.history.gaps)
+    gaps, earlier = (of.reshape(s.area.shape) for of in trial.history.gaps)
+    loads, had = np.maximum(pressure, 0.0) * s.area, trial.law.eps_n[:, None] * np.maximum(-gaps, 0.0) * s.area
     comes = contact.forces.idle(state)[1].reshape(s.area.shape) & (gaps > trial.law.touch)
     x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])[comes]
-    load, came, *middle = comm.allreduce(np.array([loads.sum(), loads[comes].sum(), *(loads[comes] @ x)]))
-    if came <= ALL * load:
-        return Newcomers(0.0, float(load), (0.0, 0.0), np.zeros(3))
+    sums = np.array([loads.sum(), had.sum(), loads[comes].sum(), *(loads[comes] @ x)])
+    load, had_load, came, *middle = comm.allreduce(sums)
+    if came <= ALL * load or had_load > (1.0 - ALL) * load:
+        return Newcomers(0.0, float(load), (0.0, 0.0))
     size = np.linalg.norm(friction, axis=2)
     way = contact.partner.anchors.slid(contact.places.feet(state), trial, response.status)[0]
     way = way + size / s.stiffness[:, None]  # and what friction has kept it from
     explained = SHEARED * pressure * way / np.where(comes, gaps, 1.0)
     more = np.maximum(size - explained, 0.0) / np.where(size > 0.0, size, 1.0)
-    along = (friction * (s.area * more)[..., None])[comes]
+    normals = contact.forces.normals(state)[comes]
+    aside = _led_aside(leads, normals, unit(comm.allreduce(loads[comes] @ normals)), SHORT * s.cell_height)
+    along = (friction * (s.area * more)[..., None])[comes] * aside[:, None]
+    far = (gaps[comes] >= contact.places.search) & aside
     arms = x - np.array(middle) / came
-    weighed = [loads[comes] @ of for of in (np.square(arms).sum(axis=1), gaps[comes], before[comes])]
-    normal = loads[comes] @ contact.forces.normals(state)[comes]
-    sums = comm.allreduce(np.array([*along.sum(axis=0), *np.cross(arms, along).sum(axis=0), *weighed, *normal]))
-    square, then, earlier = sums[6:9] / came
+    weighed = [loads[comes] @ of for of in (np.square(arms).sum(axis=1), gaps[comes], earlier[comes])]
+    unknown = (contact.forces.limits(state) * s.area)[comes] @ far
+    sums = comm.allreduce(np.array([*along.sum(axis=0), *np.cross(arms, along).sum(axis=0), *weighed, unknown]))
+    square, then, before = sums[6:9] / came
     turns = np.linalg.norm(sums[3:6]) / np.sqrt(square) if square > 0.0 else 0.0
-    rubs = max(float(np.linalg.norm(sums[:3])), float(turns))
-    return Newcomers(rubs, float(load), (float(then), float(earlier)), unit(sums[9:]))
+    rubs = max(float(np.linalg.norm(sums[:3])), float(turns), float(sums[9]))
+    return Newcomers(rubs, float(load), (float(then), float(before)))
+
+
+def _led_aside(leads: Leads, normals: Floats, mean: Floats, short: float) -> Bools:
+    """Which points with these normals (n, 3) are led aside by more than what is short: all are as the surfaces are, whose
+    mean normal is that (3,), and each on a flank."""
+    across = leads.across(normals)
+    return (leads.across(mean[None]) > short) | ((across > STEEP * leads.along(normals)) & (across > short))

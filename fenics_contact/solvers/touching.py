@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm
+from fenics_contact.assembly.contact_term import ContactTerm, Leads
 from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.system import System
-from fenics_contact.types import Floats
 
 TOUCHES = "first touch of what moves aside"  # the kind of failure
-SLIGHT = 0.02  # of the load: friction that is not looked at, as a way aside of so much of the gap gives at most
+SLIGHT = 0.02  # of the load: friction that is not looked at
 LEAST = 0.002  # of the largest force: friction that matters to nothing yet, as of a strap that comes to lie on its drum
-SHORT = 0.005  # of a cell's height: ways aside that matter little
 FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies touch
 
 
@@ -32,27 +30,29 @@ class FirstTouch:
         system, self.part = self._system, 0.5
         size = system.state.t - system.trail.last.t
         self._longest = max(self._longest, size)
+        if not self._contacts or size <= FEWEST * self._longest:
+            return None
+        leads = self._leads()
         for contact in self._contacts:
-            come = contact.findings.first_touch(system.state)
+            come = contact.findings.first_touch(system.state, leads)
             most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.load)
-            slight = max(SLIGHT * most, LEAST * system.scales.balance)
-            if come.friction <= slight or size <= FEWEST * self._longest:
-                continue
-            if self._led_aside(come.normal) > max(SLIGHT * come.gaps[0], SHORT * contact.surface.cell_height):
+            if come.friction > max(SLIGHT * most, LEAST * system.scales.balance):
                 self.part = self._touched(come.gaps, size)
                 reason = "what touches first within the step has friction of its way through the air"
                 return Finding(TOUCHES, reason, f"contact '{contact.name}'", "take more steps there")
         return None
 
-    def _led_aside(self, normal: Floats) -> float:
-        """How far [length] supports and tools lead something across a unit normal (3,) in this step: what bodies do by
-        themselves they do as they are pressed. Collective."""
+    def _leads(self) -> Leads:
+        """Of supports and tools in this step: of the ways that nodes are led those that are greatest along an axis. What
+        springs hold goes as forces lead it. Collective."""
         system, last = self._system, self._system.trail.last
         led, moved = np.zeros_like(last.u), system.state.q - last.q
         system.supports.put(led, system.supports.held(system.state.u.x.array - last.u))
-        across = np.concatenate([led.reshape(-1, 3), moved[:, :3]]) @ (np.eye(3) - np.outer(normal, normal))
-        turned = np.abs(moved[:, 3:]).max(initial=0.0)
-        return max(system.comm.allgather(max(np.linalg.norm(across, axis=1).max(initial=0.0), turned)))
+        ways = led.reshape(-1, 3)
+        ends = ways[np.unique(np.abs(ways).argmax(axis=0))] if len(ways) else ways
+        sprung = any(term.name == "springs" for term in system.terms)
+        turned = np.inf if sprung else np.abs(moved[:, 3:]).max(initial=0.0)
+        return Leads(np.concatenate([*system.comm.allgather(ends), moved[:, :3]]), float(turned))
 
     def _touched(self, gaps: tuple[float, float], size: float) -> float:
         before, (now, then) = self._system.trail.accepted[-2:], gaps
