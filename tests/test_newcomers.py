@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve
+from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_union, solve
 from fenics_contact.meshes import rectangles, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -144,3 +144,52 @@ def test_a_block_let_down_with_a_twist_has_the_torque_of_its_turn_since_it_touch
         found, moment = twisted(3.8, 0.4, steps)
         np.testing.assert_allclose(found, load, rtol=0.02)
         assert abs(moment - torque) < 0.02 * load * 2.0  # 2: half a side; was all that friction can
+
+
+def wedged(half, steps):
+    """Force and friction along the way of a wedge on which a groove is led straight, by 0.15 more than its gap."""
+    drawn = {"wedge": ((-3.0 * (not half), 1.5), (6.0 / (1 + half), 2.0), (12 // (1 + half), 4))}
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    mesh.domain.geometry.x[:, 1] += np.maximum(np.abs(mesh.domain.geometry.x[:, 0]) - 0.5, 0.0)
+    scene = Scene(Body(mesh, "wedge", neo_hooke(0.5, 2.0)), plane="strain")
+    scene.fix("wedge_ymax")
+    if half:
+        scene.fix("wedge_xmin", "x")
+    groove = rigid_union(*(rigid_plane(point=(-0.5 * side, 0, 0), normal=(side, 1, 0)) for side in (-1, 1)), name="groove")
+    scene.contact("wedge_ymin", groove, friction=1.2, name="c")
+    last = solve(scene, move={groove: (0, 1.65, 0)}, steps=steps).require().history[-1]
+    return np.array([last["c_force_y_N"], last["c_friction_y_N"]]) * (1 + half)
+
+
+def test_a_wedge_that_is_led_straight_into_a_groove_comes_aside_on_either_flank():
+    fine = wedged(True, 200)
+    for half in (False, True):
+        for steps in (1, 3):
+            np.testing.assert_allclose(wedged(half, steps), fine, atol=0.02 * abs(fine[0]))  # was 2.4 times the force
+
+
+def test_what_loads_lead_on_springs_has_the_friction_of_its_way_since_it_touched():
+    """It is led aside by 0.75 and touches at 0.8 of the load: 0.4 of it, over which its springs give way by 0.15 more."""
+    found = []
+    for steps in (1, 2, 3, 60):
+        mesh = read_gmsh(rectangles.build, rectangles={"block": ((0.0, 0.4), (6.0, 1.0), (12, 3))})
+        scene = Scene(Body(mesh, "block", neo_hooke(0.5, 2.0)), plane="strain")
+        for stiffness, way in ((0.4, (1, 0, 0)), (4.0, (0, 1, 0))):
+            scene.spring("block_ymax", stiffness, direction=way)
+        scene.force("block_ymax", (-0.3, -2.0, 0.0))
+        scene.contact("block_ymin", rigid_plane((0, 0, 0), (0, 1, 0)), friction=0.8, name="c")
+        last = solve(scene, steps=steps).require().history[-1]
+        assert last["c_sticking_points"] == last["c_active_points"]
+        found.append(last["c_friction_x_N"])
+    np.testing.assert_allclose(found[:-1], found[-1], rtol=0.02)  # was 4.7 times as much
+
+
+def test_a_tool_that_slides_on_to_new_nodes_does_not_touch_first():
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, -2.0), (16.0, 2.0), (16, 2))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 2.0)), plane="strain")
+    scene.fix("pad_ymin")
+    roll = rigid_cylinder(1.5, (4.0, 1.5, 0.0), (0, 0, 1), name="roll")
+    scene.contact("pad_ymax", roll, friction=0.2, name="c")
+    stages = [Stage("press", move={roll: (0, -0.2, 0)}, steps=2), Stage("drag", move={roll: (8.0, 0, 0)}, steps=4)]
+    causes = solve(scene, stages=stages).require().verdict.causes
+    assert not any("first touch" in cause for cause in causes)
