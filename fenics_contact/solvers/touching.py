@@ -55,6 +55,7 @@ class FirstTouch:
         return Leads(np.concatenate([*system.comm.allgather(ends), moved[:, :3]]), float(turned))
 
     def _touched(self, gaps: tuple[float, float], size: float) -> float:
+        """After what part of a step of this size [t] bodies touch that had these gaps as it and the last one began."""
         before, (now, then) = self._system.trail.accepted[-2:], gaps
         if len(before) < 2 or now >= then:
             return 0.5
