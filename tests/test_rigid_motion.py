@@ -224,7 +224,7 @@ def test_torque_of_a_shaft_that_slides_on_a_pad(method):
 
 @pytest.mark.parallel
 def test_work_of_turning_tools_is_accounted_for():
-    """The energy left over is of second order in the steps, and what a tool's torque works is most of it."""
+    """Hardly any energy is left over, also where nodes open and come in, and what a tool's torque works is much of it."""
     errors = []
     for steps in (10, 20):
         result = rolled(np.eye(3), steps=steps)
@@ -232,7 +232,8 @@ def test_work_of_turning_tools_is_accounted_for():
     work = result.column("external_work_Nmm")[-1]
     torque, angle = result.column("c_moment_y_Nmm"), result.column("cylinder_angle_y_rad")
     spun = abs(np.sum(0.5 * (torque[1:] + torque[:-1]) * np.diff(angle)))
-    assert errors[1] < 0.4 * errors[0] and errors[1] < 0.02 * work < 0.2 * spun, (errors, work, spun)
+    # 80 steps leave 8e-4
+    assert max(errors) < 1e-3 * work and work < 10.0 * spun, (errors, work, spun)
 
 
 # ---- pushed and free

@@ -296,7 +296,7 @@ class EnergyBalance:
                 ["u", "forces", "ratios", "rates", *(f"presses {name}" for name in last.pressing)], nodes
             )
             points = {contact.name: contact.key for contact in self._system.contacts}
-            self._keys |= {f"{what} {name}": points[name] for name in last.rubbing for what in ("limit", "way")}
+            self._keys |= {f"{what} {name}": points[name] for name in last.rubbing for what in ("limit", "share", "way")}
         return self._keys
 
     def memory(self) -> tuple[dict[str, Floats], dict[str, Any]]:
@@ -309,7 +309,7 @@ class EnergyBalance:
         rows |= {"ratios": before.fields.T, "rates": before.on_fields.T}
         rows |= {f"presses {name}": one.on_dofs.reshape(-1, 3) for name, one in before.pressing.items()}
         for name, one in before.rubbing.items():
-            rows |= {f"limit {name}": one.limit, f"way {name}": one.way}
+            rows |= {f"limit {name}": one.limit, f"share {name}": one.share, f"way {name}": one.way}
         numbers = {
             "pairs": self._of_pairs,
             "left": left,
@@ -329,9 +329,8 @@ class EnergyBalance:
         strain, stored, drawn = numbers["held"]
         outer = np.zeros_like(last.on_dofs)
         outer[-1] = rows["forces"].ravel()
-        rubbing = {
-            name: replace(one, limit=rows[f"limit {name}"], way=rows[f"way {name}"]) for name, one in last.rubbing.items()
-        }
+        parts = ("limit", "share", "way")
+        rubbing = {name: replace(one, **{at: rows[f"{at} {name}"] for at in parts}) for name, one in last.rubbing.items()}
         pressing = {
             name: _Pressing(
                 rows[f"presses {name}"].ravel(), mine * np.array(numbers[f"presses {name}"]).reshape(tools), mine * held, 0.0
