@@ -58,9 +58,9 @@ def run(
     """Visit every t of `times`, of the stage that is on, beyond the committed one, in steps that shrink where they fail and
     grow where they are easy.
 
-    A failing step is halved, down to `smallest` [t], then the run ends with its reason; after easy steps the size doubles,
-    up to the schedule's own. on_step(report, seconds, on_schedule): called after each accepted step, on all ranks; verdict:
-    that of the steps before, where a run is resumed. Returns the Verdict.
+    A failing step is halved, or ends where bodies first touch, down to `smallest` [t], then the run ends with its reason;
+    after easy steps the size doubles, up to the schedule's own. on_step(report, seconds, on_schedule): called after each
+    accepted step, on all ranks; verdict: that of the steps before, where a run is resumed. Returns the Verdict.
     """
     verdict = verdict or Verdict()
     shortest = smallest_step(times, system.stages.start.t)
@@ -93,7 +93,7 @@ def run(
                 if report is None:
                     system.trail.rollback()
                     verdict.cut(failure, f"step to t = {goal:.6g}")
-                    verdict.longest = size * touch.part
+                    verdict.longest = size * (touch.part if failure.finding.kind == TOUCHES else 0.5)
                     continue
             else:
                 within = sooner
@@ -116,8 +116,7 @@ def run(
 def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch | None) -> StepReport:
     """The report of a step to a state that may be accepted; StepFailed. touch: None where it may not be shorter."""
     report = stepper.step(system, goal)
-    late = touch.objection() if touch else None
-    if wrong := system.acceptance.objection() or thrown(system) or late:
+    if wrong := system.acceptance.objection() or thrown(system) or (touch and touch.objection()):
         raise StepFailed.of(wrong)
     if wandered(system, report):
         u, q = system.state.u.x.array.copy(), system.state.q.copy()

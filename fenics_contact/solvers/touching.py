@@ -27,7 +27,7 @@ class FirstTouch:
 
     def objection(self) -> Finding | None:
         """Why the step to the present state is too long. Collective."""
-        system, self.part = self._system, 0.5
+        system = self._system
         size = system.state.t - system.trail.last.t
         self._longest = max(self._longest, size)
         if not self._contacts or size <= FEWEST * self._longest:
