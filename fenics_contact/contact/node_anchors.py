@@ -69,8 +69,7 @@ class NodeAnchors:
         return kernel.anchors_behind(feet.pairs(self._places.facets, own(anchors)), (renewed, slip))
 
     def committed(self, feet: MortarFeet, trial: Trial) -> tuple[Anchors, Floats]:
-        """The anchors to keep when a step is accepted, and the ways in it of nodes (ns, 1) that do not stick
-        [length].
+        """The anchors to keep when a step is accepted, and the ways in it of nodes (ns, 1) that do not stick [length].
 
         A node that sticks keeps its own, unless a sample of it has come over the master: no anchor of that one alone would
         leave the mean way as it was.

@@ -211,8 +211,7 @@ class SingleAnchors:
     resting = here
 
     def committed(self, feet: Any, trial: Trial) -> tuple[Anchors, Floats]:
-        """The anchors to keep when a step is accepted, and the ways in it (ne, nq) of points that do not stick
-        [length]."""
+        """The anchors to keep when a step is accepted, and the ways in it (ne, nq) of points that do not stick [length]."""
         return self._committed(feet, trial, None)
 
     def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:

@@ -76,10 +76,9 @@ class Contact(ContactTerm):
         self.penalties, self.multipliers = Penalties(self, law, penalty.adapts()), Multipliers(self)
         ne, nq = surface.area.shape
         none = partner.anchors.none()
-        far = np.full(ne * nq, min(self.places.search, np.finfo(float).max))
         raised = np.tile([1.0, LARGEST if penetration is None else STIFFEST], (ne, 1))
         zero = np.zeros((ne, nq))
-        start = History(none, none, none, zero, zero, zero.astype(bool), (far, far), raised, None, zero)
+        start = History(none, none, none, zero, zero, zero.astype(bool), (zero.ravel(),) * 2, raised, None, zero)
         first = partner.anchors.here(self.places.first_feet(state), Trial(law, start, surface.area))
         start = replace(start, anchors=first, rests=first, before=first, feet=self.places.feet(state))
         self.accepted = self.trial = Trial(law, start, surface.area)
