@@ -25,7 +25,7 @@ def contact_measures(contact: Contact, state: State) -> dict[str, Any]:
     penetration [length]; active, sticking, points: counts.
     """
     s, comm, response = contact.surface, state.comm, contact.response(state)
-    x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])
+    x = s.points_at(state.u.x.array)
     pressure, friction = contact.forces.acting(state)
     status, h = contact.forces.status(state), contact.trial.history
     closed = status != OPEN

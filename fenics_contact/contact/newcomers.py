@@ -34,7 +34,7 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     gaps, earlier = (of.reshape(s.area.shape) for of in trial.history.gaps)
     loads, had = np.maximum(pressure, 0.0) * s.area, trial.law.eps_n[:, None] * np.maximum(-gaps, 0.0) * s.area
     comes = contact.forces.idle(state)[1].reshape(s.area.shape) & (gaps > trial.law.touch)
-    x = np.einsum("eqk,ekc->eqc", s.a, s.X + state.u.x.array.reshape(-1, 3)[s.nodes])[comes]
+    x = s.points_at(state.u.x.array)[comes]
     sums = np.array([loads.sum(), had.sum(), loads[comes].sum(), *(loads[comes] @ x)])
     load, had_load, came, *middle = comm.allreduce(sums)
     if came <= ALL * load or had_load > (1.0 - ALL) * load:

@@ -108,6 +108,10 @@ class SlaveSurface:
         """Number of slave points on this rank."""
         return self.area.size
 
+    def points_at(self, u: Floats) -> Floats:
+        """Where the points are (ne, nq, 3) with a displacement, a local array [length]."""
+        return np.einsum("eqk,ekc->eqc", self.a, self.X + u.reshape(-1, 3)[self.nodes])
+
 
 def slave_surface(
     space: Space, facets: Ints, modulus: Floats, points: int | str = "nodes", section: Section | None = None
