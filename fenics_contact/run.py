@@ -46,7 +46,6 @@ from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
 from fenics_contact.result import Result
-from fenics_contact.scene.bending import bending_notes
 from fenics_contact.scene.build import Built, build
 from fenics_contact.scene.drives import turning
 from fenics_contact.scene.fingerprint import refuse_unlike, stages_told, statement
@@ -55,6 +54,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Stage
 from fenics_contact.scene.start import Start, drives_left
 from fenics_contact.scene.stated import parts_of
+from fenics_contact.scene.within_cells import stiff_notes
 from fenics_contact.solvers.augmented import ASTRAY, misfits
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
 from fenics_contact.solvers.linear import LinearSolver
@@ -161,7 +161,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         words = strained(system, energies[-1], max(energies)) if energies else None
         kept.remark([words] if words else [])
         if energies and energies[-1] > max(BENT * max(energies), system.scales.noise_energy):
-            kept.remark(bending_notes(scene, system))
+            kept.remark(stiff_notes(scene, system))
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         solver = plans[system.stages.index].solver
