@@ -2,8 +2,22 @@
 
 import numpy as np
 import pytest
+from drawn import ring
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, rigid_union, solve
+from fenics_contact import (
+    Body,
+    Method,
+    Motion,
+    Scene,
+    Stage,
+    neo_hooke,
+    read_gmsh,
+    rigid_cylinder,
+    rigid_hub,
+    rigid_plane,
+    rigid_union,
+    solve,
+)
 from fenics_contact.meshes import rectangles, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -77,7 +91,13 @@ def test_the_way_through_the_air_is_no_slip(slave):
     assert far["c_friction_work_Nmm"] < 1e-3 * far["c_load_N"]
 
 
-def let_down(gap, aside, steps, slave="upper", tool=False):
+def came_in(result):
+    """The shares of loads in the notes on what came to touch within a step."""
+    notes = [note for note in result.verdict.notes if "came to touch within the step" in note]
+    return [float(note.split("rubs with ")[1].split(" of the load")[0]) for note in notes]
+
+
+def let_down(gap, aside, steps, slave="upper", tool=False, **method):
     """(load, friction aside, run) of a block let down by 0.4 more than its gap, obliquely, that touches at one place."""
     start = 6.0 - aside * gap / (gap + 0.4)
     names = {"lower": ((0.0, -4.0), (16.0, 4.0), (16, 4)), "upper": ((start, gap), (4.0, 3.0), (7, 4))}
@@ -94,7 +114,7 @@ def let_down(gap, aside, steps, slave="upper", tool=False):
         sides = ("upper_ymin", "lower_ymax") if slave == "upper" else ("lower_ymax", "upper_ymin")
         scene.contact(*sides, friction=FRICTION, name="c")
     stage = Stage("down", prescribe={("upper_ymax", "y"): -gap - 0.4, ("upper_ymax", "x"): aside}, steps=steps)
-    result = solve(scene, stages=[stage]).require()
+    result = solve(scene, stages=[stage], method=Method(**method)).require()
     last = result.history[-1]
     return last["c_load_N"], abs(last["c_friction_x_N"]), result
 
@@ -110,7 +130,15 @@ def test_a_block_let_down_obliquely_has_the_friction_of_its_way_since_it_touched
     found, friction, result = let_down(gap, led, steps, **how)
     assert abs(friction - rubs) < 0.02 * load  # was all of friction, 0.3, where 0.07 ... 0.25 is right
     np.testing.assert_allclose(found, load, rtol=0.02)
-    assert result.verdict.iterations <= 4 * (steps + 4)
+    assert result.verdict.iterations <= 4 * (steps + 4) and not came_in(result)
+
+
+@pytest.mark.parametrize("tool", [True, False])
+def test_a_step_that_may_not_be_cut_has_a_note_by_how_much_it_is_off(tool):
+    load, rubs, _ = let_down(0.0, 0.2, 40, tool=tool)
+    found, friction, result = let_down(0.7, 0.55, 1, tool=tool, smallest_step=1.0)
+    (share,) = came_in(result)
+    assert share > 0.5 * (friction / found - rubs / load) > 0.05 and not result.verdict.cuts
 
 
 def test_what_is_let_down_straight_is_not_cut_back():
@@ -193,3 +221,29 @@ def test_a_tool_that_slides_on_to_new_nodes_does_not_touch_first():
     stages = [Stage("press", move={roll: (0, -0.2, 0)}, steps=2), Stage("drag", move={roll: (8.0, 0, 0)}, steps=4)]
     causes = solve(scene, stages=stages).require().verdict.causes
     assert not any("first touch" in cause for cause in causes)
+
+
+def wheel(degrees, free):
+    """A rubber tyre that is pressed on a road and rolls by 84 degrees, its hub free to turn or led as a free one would."""
+    mesh = read_gmsh(lambda: ring("tyre", 0.0, (5.0, 10.0), (3, 12), ("bore", "tread")))
+    scene = Scene(Body(mesh, "tyre", neo_hooke(0.5, 2.0)), plane="strain")
+    hub = rigid_hub("hub", point=(0, 0, 0))
+    scene.tie("bore", hub)
+    scene.contact("tread", rigid_plane((0, -10, 0), normal=(0, 1, 0), name="road"), 0.8, name="c")
+    turn = np.radians(84.0)
+    roll = Motion(x=10.043 * turn, free="rz") if free else Motion(x=10.043 * turn, rz=-turn)
+    stages = [
+        Stage("press", move={hub: Motion(y=-0.4)}, steps=2),
+        Stage("roll", move={hub: roll}, steps=round(84 / degrees)),
+    ]
+    result = solve(scene, stages=stages).require()
+    return result.column("c_friction_x_N")[-1] / result.column("c_load_N")[-1], result.column("hub_angle_z_rad")[-1], result
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_a_wheel_that_rolls_in_long_steps_is_told(free):
+    """Its new nodes stick, and what they went aside in the air counts: 6 % of the load drives it, or it turns too far."""
+    _, angle, fine = wheel(1.0, free)
+    rubs, far, coarse = wheel(10.5, free)
+    assert not came_in(fine) and max(came_in(coarse)) > 0.03
+    assert far / angle > 1.005 if free else abs(rubs) > 0.03

@@ -906,7 +906,7 @@ def test_what_a_user_prints_is_short():
     """A mesh by its groups, a result by its verdict, its notes and its last step."""
     mesh = read_gmsh(box.build, size=(2.0, 2.0, 2.0), cells=(2, 2, 2))
     assert repr(mesh) == "NamedMesh(8 cells; volumes: box; surfaces: zmin, ymin, xmax, ymax, xmin, zmax)"
-    scene = Scene(Body(mesh, "box", RUBBER))
+    scene = Scene(Body(mesh, "box", neo_hooke(0.5, 1.0)))
     scene.fix("zmin")
     lid = rigid_plane((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), name="lid")
     scene.contact("zmax", lid, name="top")

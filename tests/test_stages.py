@@ -1085,7 +1085,11 @@ WRONG = {
     ),
     "no force on what is held": (
         lambda b: [Stage("a", move={b: (0, 0, -0.6)}), Stage("b", move={b: Motion(force=(0, 0, 0))})],
-        "stage 'b': motion of 'ball' has no force or moment in any direction", 'free="y"',
+        "stage 'b': motion of 'ball' has no force in any direction", 'free="y"',
+    ),
+    "no moment on what does not turn": (
+        lambda b: [Stage("a", move={b: Motion(x=1.0, moment=(0, 0, 0))})],
+        "stage 'a': motion of 'ball' has no moment in any direction", 'free="rz"',
     ),
     "a turn taken back under another one": (
         lambda b: [Stage("a", move={b: Motion(z=-0.6, moment=(0, 0, 1.0))}),

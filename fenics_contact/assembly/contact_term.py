@@ -197,12 +197,13 @@ class Leads(NamedTuple):
 
 
 class Newcomers(NamedTuple):
-    """Points that come to touch within a step, where nothing has pressed before and they are all that does: of their
-    friction what their approach does not explain, otherwise none, and the load [force]; gaps: their mean gap when the step
-    began, and when the last one did [length]."""
+    """Points that come to touch within a step: of the friction of all of a contact what their approach does not explain,
+    where nothing has pressed before and they are all that does, otherwise none; the load; the same of those that stick,
+    beside others [force]; gaps: their mean gap when the step began, and when the last one did [length]."""
 
     friction: float
     load: float
+    beside: float
     gaps: tuple[float, float]
 
 

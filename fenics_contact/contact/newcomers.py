@@ -9,6 +9,7 @@ import numpy as np
 from fenics_contact.assembly.contact_term import Leads, Newcomers
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.unit import unit
+from fenics_contact.kernels.status import STICK
 from fenics_contact.types import Bools, Floats
 
 if TYPE_CHECKING:
@@ -21,8 +22,7 @@ STEEP = 0.2  # of the way nearer: with more of it aside points come on a flank, 
 
 
 def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
-    """Of the points that were open when the step began and are led aside, where all of the load is on such as were open, and
-    there was none. Collective.
+    """Of the points that were open when the step began and are led aside. Collective.
 
     The way of such a point counts as slip from where the step began. Had it stuck once it touched, body and master would
     have gone on against each other in the direction in which they came: friction to pressure were as the way aside to the
@@ -37,13 +37,17 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     x = s.points_at(state.u.x.array)[comes]
     sums = np.array([loads.sum(), had.sum(), loads[comes].sum(), *(loads[comes] @ x)])
     load, had_load, came, *middle = comm.allreduce(sums)
-    if came <= ALL * load or had_load > (1.0 - ALL) * load:
-        return Newcomers(0.0, float(load), (0.0, 0.0))
+    if came <= 0.0:
+        return Newcomers(0.0, float(load), 0.0, (0.0, 0.0))
     size = np.linalg.norm(friction, axis=2)
     way = contact.partner.anchors.slid(contact.places.feet(state), trial, response.status)[0]
     way = way + size / s.stiffness[:, None]  # and what friction has kept it from
     explained = SHEARED * pressure * way / np.where(comes, gaps, 1.0)
     more = np.maximum(size - explained, 0.0) / np.where(size > 0.0, size, 1.0)
+    if came <= ALL * load or had_load > (1.0 - ALL) * load:
+        sticks = comes & (response.status == STICK).reshape(comes.shape)
+        beside = comm.allreduce((friction * (s.area * more)[..., None])[sticks].sum(axis=0))
+        return Newcomers(0.0, float(load), float(np.linalg.norm(beside)), (0.0, 0.0))
     normals = contact.forces.normals(state)[comes]
     aside = _led_aside(leads, normals, unit(comm.allreduce(loads[comes] @ normals)), SHORT * s.cell_height)
     along = (friction * (s.area * more)[..., None])[comes] * aside[:, None]
@@ -55,7 +59,7 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     square, then, before = sums[6:9] / came
     turns = np.linalg.norm(sums[3:6]) / np.sqrt(square) if square > 0.0 else 0.0
     rubs = max(float(np.linalg.norm(sums[:3])), float(turns), float(sums[9]))
-    return Newcomers(rubs, float(load), (float(then), float(before)))
+    return Newcomers(rubs, float(load), 0.0, (float(then), float(before)))
 
 
 def _led_aside(leads: Leads, normals: Floats, mean: Floats, short: float) -> Bools:

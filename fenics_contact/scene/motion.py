@@ -82,12 +82,13 @@ def driven(comm: MPI.Comm, what: str, motion: Motion, before: Bools) -> Driven:
     said = np.repeat([motion.force is not None, motion.moment is not None], 3)
     kept = before & said & ~np.array(moved) & ~pushed  # else a load stated as zero would be held as it was, not taken back
     free = pushed | kept | np.isin(COMPONENTS, motion.free.split())
-    numbers = isinstance(force, Ramp) and isinstance(moment, Ramp)  # functions may act between: only_free
-    if said.any() and numbers and not (free.any() or any(moved)):
-        raise SceneError(
-            f"{what} has no force or moment in any direction, nor does it move or free anything: name what it does, as in "
-            'force=(0, -1.0, 0), y=-0.1 or free="y"'  # which scenes in space, in the plane and of revolution have
-        )
+    for key, load, part in (("force", force, slice(0, 3)), ("moment", moment, slice(3, 6))):
+        # functions may act between: only_free
+        if said[part].any() and isinstance(load, Ramp) and not (free[part].any() or any(moved[part])):
+            raise SceneError(
+                f"{what} has no {key} in any direction, nor does it move or free what that could act on: name what it does, "
+                'as in force=(0, -1.0, 0), y=-0.1, free="y" or free="rz"'  # which scenes of all kinds have, not all of these
+            )
     force, moment = only_free(force, free[:3], f"{what}: force"), only_free(moment, free[3:], f"{what}: moment")
     _refuse(what, [key for key, way in zip(COMPONENTS, moved, strict=True) if way], pushed, free, kept)
     about = None if motion.about is None else finite(motion.about, f"{what}: about", (3,))

@@ -77,7 +77,7 @@ def run(
             size = goal - system.trail.last.t
             report: StepReport | None
             try:
-                report = _attempt(system, stepper, goal, touch if size / 2 >= verdict.smallest else None)
+                report = _attempt(system, stepper, goal, touch, size / 2 >= verdict.smallest)
             except StepFailed as failure:
                 report = None
                 cornered = cornered + 1 if in_corner(system, failure) else 0
@@ -99,12 +99,14 @@ def run(
                 within = sooner
             cornered = 0
             system.trail.commit()
-            touch.accepted()
+            rubbed = touch.accepted()
             if report.jumped:
                 verdict.longest = within
             elif report.iterations <= EASY * (1 + report.augmentations + report.raises):
                 verdict.longest *= 2.0
             verdict.accept(report, system)
+            for name, remarks in rubbed.items():
+                verdict.remark_on(name, remarks)
             verdict.remark_on(TURNS, turned)
             turned.clear()
             verdict.remark(undecided(system, verdict.remarked) | leaks.found(verdict.remarked))
@@ -113,10 +115,10 @@ def run(
     return verdict
 
 
-def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch | None) -> StepReport:
-    """The report of a step to a state that may be accepted; StepFailed. touch: None where it may not be shorter."""
+def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch, shorter: bool) -> StepReport:
+    """The report of a step to a state that may be accepted; StepFailed. shorter: whether it may be."""
     report = stepper.step(system, goal)
-    if wrong := system.acceptance.objection() or thrown(system) or (touch and touch.objection()):
+    if wrong := system.acceptance.objection() or thrown(system) or touch.objection(shorter):
         raise StepFailed.of(wrong)
     if wandered(system, report):
         u, q = system.state.u.x.array.copy(), system.state.q.copy()

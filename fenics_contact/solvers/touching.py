@@ -1,9 +1,10 @@
-"""Bodies that first touch within a step while they move aside: the step ends about where they touch."""
+"""Bodies that touch within a step while they move aside: where nothing did before, the step ends about where they touch,
+and of what comes in beside others a note says what friction it may have of its way through the air."""
 
 import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm, Leads
-from fenics_contact.assembly.finding import Finding
+from fenics_contact.assembly.finding import Finding, Remark
 from fenics_contact.assembly.system import System
 
 TOUCHES = "first touch of what moves aside"  # the kind of failure
@@ -24,22 +25,27 @@ class FirstTouch:
         self._system, self._contacts = system, [contact for contact in system.contacts if contact.rough]
         self._loads: dict[ContactTerm, float] = {}
         self._longest, self.part = 0.0, 0.5
+        self._remarks: dict[str, dict[str, Remark]] = {}
 
-    def objection(self) -> Finding | None:
-        """Why the step to the present state is too long. Collective."""
+    def objection(self, shorter: bool) -> Finding | None:
+        """Why the step to the present state is too long; shorter: whether it may be shorter. Collective."""
         system = self._system
         size = system.state.t - system.trail.last.t
         self._longest = max(self._longest, size)
-        if not self._contacts or size <= FEWEST * self._longest:
+        self._remarks = {}
+        if not self._contacts:
             return None
         leads = self._leads()
         for contact in self._contacts:
             come = contact.findings.first_touch(system.state, leads)
             most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.load)
-            if come.friction > max(SLIGHT * most, LEAST * system.scales.balance):
+            matters = max(SLIGHT * most, LEAST * system.scales.balance)
+            if come.friction > matters and shorter and size > FEWEST * self._longest:
                 self.part = self._touched(come.gaps, size)
                 reason = "what touches first within the step has friction of its way through the air"
                 return Finding(TOUCHES, reason, f"contact '{contact.name}'", "take more steps there")
+            if (aside := max(come.friction, come.beside)) > matters:
+                self._remarks[contact.name] = {TOUCHES: _came_in(contact, aside / come.load)}
         return None
 
     def _leads(self) -> Leads:
@@ -62,7 +68,19 @@ class FirstTouch:
         rate = (then - now) / (before[1].t - before[0].t)
         return float(np.clip(now / (rate * size), FEWEST, 0.5))
 
-    def accepted(self) -> None:
-        """The next step begins."""
+    def accepted(self) -> dict[str, dict[str, Remark]]:
+        """The next step begins: what is to be said of the last one, by contact."""
         self._loads.clear()
         self._longest = 0.0
+        said, self._remarks = self._remarks, {}
+        return said
+
+
+def _came_in(contact: ContactTerm, share: float) -> Remark:
+    """share: of the load."""
+    return Remark(
+        share,
+        f"contact '{contact.name}': what came to touch within the step rubs with {share:.2g} of the load, and has moved "
+        "aside before it touched as well: its tangential force may be off by so much, and by more where that adds up, as "
+        "where things roll; take more steps",
+    )
