@@ -10,7 +10,6 @@ from fenics_contact.assembly.contact_term import Leads, Newcomers
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.status import STICK
-from fenics_contact.types import Bools, Floats
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -27,7 +26,8 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     The way of such a point counts as slip from where the step began. Had it stuck once it touched, body and master would
     have gone on against each other in the direction in which they came: friction to pressure were as the way aside to the
     gap, times what resists either. Its sum, or what it turns them by, is what a body gets of it. What comes from farther
-    than is searched may rest, or rub in any direction.
+    than is searched may rest, or rub in any direction. Beside others that press what slides rubs as it should, so that what
+    sticks alone is asked for, and where surfaces as a whole are led aside: of straight ways what is left over cancels.
     """
     s, trial, response, comm = contact.surface, contact.trial, contact.response(state), state.comm
     pressure, friction = contact.forces.split_traction(state)
@@ -44,13 +44,15 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     way = way + size / s.stiffness[:, None]  # and what friction has kept it from
     explained = SHEARED * pressure * way / np.where(comes, gaps, 1.0)
     more = np.maximum(size - explained, 0.0) / np.where(size > 0.0, size, 1.0)
+    normals, short = contact.forces.normals(state)[comes], SHORT * s.cell_height
+    mean, along = unit(comm.allreduce(loads[comes] @ normals))[None], (friction * (s.area * more)[..., None])[comes]
     if came <= ALL * load or had_load > (1.0 - ALL) * load:
-        sticks = comes & (response.status == STICK).reshape(comes.shape)
-        beside = comm.allreduce((friction * (s.area * more)[..., None])[sticks].sum(axis=0))
-        return Newcomers(0.0, float(load), float(np.linalg.norm(beside)), (0.0, 0.0))
-    normals = contact.forces.normals(state)[comes]
-    aside = _led_aside(leads, normals, unit(comm.allreduce(loads[comes] @ normals)), SHORT * s.cell_height)
-    along = (friction * (s.area * more)[..., None])[comes] * aside[:, None]
+        sticks = (response.status == STICK).reshape(comes.shape)[comes] & (leads.across(mean) > short)
+        return Newcomers(0.0, float(load), float(np.linalg.norm(comm.allreduce(along[sticks].sum(axis=0)))), (0.0, 0.0))
+    # all points are led aside as the surfaces are, and each on a flank
+    across = leads.across(normals)
+    aside = (leads.across(mean) > short) | ((across > STEEP * leads.along(normals)) & (across > short))
+    along *= aside[:, None]
     far = (gaps[comes] >= contact.places.search) & aside
     arms = x - np.array(middle) / came
     weighed = [loads[comes] @ of for of in (np.square(arms).sum(axis=1), gaps[comes], earlier[comes])]
@@ -60,10 +62,3 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     turns = np.linalg.norm(sums[3:6]) / np.sqrt(square) if square > 0.0 else 0.0
     rubs = max(float(np.linalg.norm(sums[:3])), float(turns), float(sums[9]))
     return Newcomers(rubs, float(load), 0.0, (float(then), float(before)))
-
-
-def _led_aside(leads: Leads, normals: Floats, mean: Floats, short: float) -> Bools:
-    """Which points with these normals (n, 3) are led aside by more than what is short: all are as the surfaces are, whose
-    mean normal is that (3,), and each on a flank."""
-    across = leads.across(normals)
-    return (leads.across(mean[None]) > short) | ((across > STEEP * leads.along(normals)) & (across > short))
