@@ -19,6 +19,7 @@ KNOWS = {
     "run": "solve()",
     "plans": "steppers of stages",
     "recording": "what each step leaves",
+    "costs": "what cells, penalties cost",
     "result": "what a run gives",
     "restart": "checkpoints",
     "options": "the words of solve()",

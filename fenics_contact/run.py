@@ -15,9 +15,9 @@ from fenics_contact.agreement import ends_together
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.scales import TOLERANCE
-from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import RigidTool, Tool
+from fenics_contact.costs import Costs, errors, greatest
 from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
 from fenics_contact.output.carrying import Carried, sparse_notes, unresolved_notes
 from fenics_contact.output.columns import HistoryRow
@@ -28,8 +28,6 @@ from fenics_contact.output.history import (
     energy_line,
     energy_notes,
     energy_summary,
-    greatest_loads,
-    greatest_travels,
     limit_points,
     node_notes,
     node_summary,
@@ -41,7 +39,6 @@ from fenics_contact.output.history import (
     widest_turn,
 )
 from fenics_contact.output.names import energy_unit
-from fenics_contact.output.results import Results
 from fenics_contact.plans import Plan, carry, ends_early, plans_of, schedule
 from fenics_contact.recording import Recorded, Recorder, columns_of
 from fenics_contact.restart import Keeper, last_state, results_folder
@@ -54,23 +51,13 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Moves, Stage
 from fenics_contact.scene.start import Start, drives_left
 from fenics_contact.scene.stated import parts_of
-from fenics_contact.scene.within_cells import stiff_notes
 from fenics_contact.solvers.augmented import ASTRAY, misfits
-from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
-from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.node_error import deeper, lifted, node_error
-from fenics_contact.solvers.penalty_error import penalty_error, stiffer
-from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
 from fenics_contact.solvers.strained import strained
-from fenics_contact.solvers.verdict import GREW, Verdict
+from fenics_contact.solvers.verdict import Verdict
 from fenics_contact.timing import Timers
 from fenics_contact.units import Units
 from fenics_contact.values import SceneError, shown
 
-Shares = dict[str, tuple[float, float]]
-Errors = tuple[dict[str, Any] | None, Shares, dict[str, tuple[float, float | None]]]
-
-BENT = 0.1  # of the greatest strain energy of a run: with less of it at the end what bent is straight again
 FAINT = 1e-6  # of the greatest load of all contacts: one that never carries more has what Newton's method leaves
 
 
@@ -129,10 +116,11 @@ def solve(
     kept = Recorder(scene, built, output, keeper, (columns, extra), any(plan.path for plan in plans))
     setup = timers.table()["total"]
     kept.remark([*scene.notes, *built.notes, *(note for plan in plans for note in plan.notes)])
-    _carried(scene, system, plans, kept, numerics.smallest_step)
+    costs = Costs(scene, system, kept)
+    _carried(scene, system, plans, costs, numerics.smallest_step)
     if keeper:
         keeper.keep_last()
-    summary = _concluded(scene, built, plans, kept, timers)
+    summary = _concluded(scene, built, plans, costs, timers)
     summary["seconds_before_first_step"], summary["seconds"] = setup, timers.table()
     if kept.writer:
         kept.writer.finish(summary)
@@ -141,10 +129,11 @@ def solve(
     return Result(kept.history, kept.verdict, system, summary, scene, kept.results, [*columns.all(), *extra], left())
 
 
-def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder, timers: Timers) -> Summary:
+def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, timers: Timers) -> Summary:
     """What summary.json says of a run that has ended, but for its seconds, remarked too. Collective."""
-    system, verdict, noise = built.system, kept.verdict, built.system.scales.noise
-    travel, loads = _greatest(scene, system, kept)
+    kept, system, noise = costs.kept, built.system, built.system.scales.noise
+    verdict = kept.verdict
+    travel, loads = greatest(scene, system, kept.history)
     kept.remark(verdict.last_notes())
     if verdict.converged:
         unmet = _unmet(built, loads)
@@ -160,12 +149,11 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], kept: Recorder
         energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
         words = strained(system, energies[-1], max(energies)) if energies else None
         kept.remark([words] if words else [])
-        if energies and energies[-1] > max(BENT * max(energies), system.scales.noise_energy):
-            kept.remark(stiff_notes(scene, system))
+        costs.stiff(plans[-1].stage)
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         solver = plans[system.stages.index].solver
-        error, chords, nodes = _errors(system, solver, scene.section, kept.results) if verdict.converged else (None, {}, {})
+        error, chords, nodes = errors(system, solver, scene.section, kept.results) if verdict.converged else (None, {}, {})
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     summary["node_error"] = node_summary(nodes, scene.units)
@@ -212,11 +200,11 @@ def _told(scene: Scene, kept: Recorder, summary: Summary) -> list[str]:
     return lines
 
 
-def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder, smallest_step: float | None) -> None:
+def _carried(scene: Scene, system: System, plans: Sequence[Plan], costs: Costs, smallest_step: float | None) -> None:
     """The run's steps. Where a function of the user's raises, what was accepted stays readable and summary.json says why."""
-    told: dict[str, float] = {}
+    kept = costs.kept
     try:
-        carry(system, plans, kept, kept.verdict, smallest_step, lambda plan: _stage_ended(scene, system, plan, kept, told))
+        carry(system, plans, kept, kept.verdict, smallest_step, costs.stage_ended)
     except SceneError as error:
         kept.verdict.stop(Finding(ERROR, str(error)), system.state.t, len(kept.history) + 1)
         if kept.writer:
@@ -224,29 +212,6 @@ def _carried(scene: Scene, system: System, plans: Sequence[Plan], kept: Recorder
         raise
     finally:
         kept.bar.close()
-
-
-def _stage_ended(scene: Scene, system: System, plan: Plan, kept: Recorder, told: dict[str, float]) -> None:
-    """What penalties cost where a stage ends: that of the last one may have let go what this has pressed. told: of contacts
-    the shares of their load that have been noted, once and where they are much greater. Collective."""
-    if any(contact.findings.misstated(system.state) for contact in system.contacts):
-        return
-    with system.timers("penalty error"):
-        found = sensitivities(system, plan.solver, [stiffer(system)], pressures=kept.results.pressures)
-    if found is not None:
-        travel, loads = _greatest(scene, system, kept)
-        cost = penalty_summary(penalty_error(system, found[0], scene.section), list(travel), scene.units)
-        shares = {name: e["force_change_over_load"] for name, e in cost["contacts"].items()}
-        cost["contacts"] = {name: e for name, e in cost["contacts"].items() if shares[name] > GREW * told.get(name, 0.0)}
-        notes = penalty_notes(cost, travel, scene.units, loads)
-        kept.remark([plan.stage.says(note) for note in notes])
-        told |= {name: shares[name] for name in cost["contacts"] if any(f"contact '{name}'" in note for note in notes)}
-
-
-def _greatest(scene: Scene, system: System, kept: Recorder) -> tuple[dict[str, float], dict[str, float]]:
-    """Of all steps the greatest travels of the tools [length] and loads of the contacts [force]."""
-    travels = greatest_travels(kept.history, [tool.name for tool in scene.tools], scene.units)
-    return travels, greatest_loads(kept.history, [contact.name for contact in system.contacts], scene.units)
 
 
 def _unmet(built: Built, loads: Mapping[str, float]) -> dict[str, str]:
@@ -265,20 +230,6 @@ def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
     if s.at_nodes:
         return Carried(area, few)
     return Carried(area, s.area.shape[1] - 1, "Gauss point")
-
-
-def _errors(system: System, solver: LinearSolver, section: Section | None, results: Results) -> Errors:
-    """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
-    `chord_error` and `node_error`. Collective."""
-    round_, deep = is_round(system), deeper(system)
-    varied = [stiffer(system), *([rounder(system)] if round_ else []), *([lifted(system, deep)] if deep else [])]
-    # points follow what shifts them but for a penetration, all that presses: a solve must tell that from the way
-    tolerance = LINEAR * min(deep.part, 1.0) if deep else LINEAR
-    found = sensitivities(system, solver, varied, tolerance, results.pressures)
-    if found is None:
-        return None, {}, {}
-    chords = chord_error(system, found[1]) if round_ else {}
-    return penalty_error(system, found[0], section), chords, node_error(system, deep, found[-1]) if deep else {}
 
 
 def _started(start: object, scene: Scene) -> Start | None:

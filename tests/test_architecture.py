@@ -79,8 +79,9 @@ TABLE = {
     "recording": {"contact", "tqdm", "options", "output", "scene", "solvers", "restart", "values"},
     "result": {"numpy", "matplotlib", "agreement", "assembly", "output", "scene", "solvers", "values"},
     "plans": {"numpy", "assembly", "solvers", "scene", "options", "values"},
-    "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "solvers", "output", "scene", "options",
-            "plans", "recording", "restart", "result", "units", "values"},
+    "costs": {"assembly", "output", "plans", "recording", "scene", "solvers"},
+    "run": {"numpy", "tqdm", "agreement", "compat", "timing", "assembly", "contact", "costs", "solvers", "output", "scene",
+            "options", "plans", "recording", "restart", "result", "units", "values"},
     # what the package offers to its users
     "warm": {"gmsh", "tqdm", "compat", "contact", "kernels", "mesh_io", "meshes", "options", "run", "scene", "solid"},
     "__main__": {"numpy", "meshes", "__version__", "compat", "contact", "mesh_io", "options", "run", "scene", "solid",

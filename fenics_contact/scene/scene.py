@@ -88,7 +88,7 @@ class Scene:
         simplices = {"tetrahedron": "tetrahedra", "triangle": "triangles"}.get(compat.cell_name(self.mesh.domain), "")
         laws = {body.group: body.material for body in bodies}
         refuse_element(element, degree, simplices, laws, accept_locking)
-        self.notes = locking_notes(degree, simplices, laws)
+        self.notes = locking_notes(element, degree, simplices, laws)
         self.bodies, self.degree, self.element, self.units = bodies, degree, element, units
         self.space = compat.lagrange_space(self.mesh.domain, degree, (3,))
         self.groups = Groups(self.mesh, self.space, degree, self.section)

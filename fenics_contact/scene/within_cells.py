@@ -1,18 +1,19 @@
-"""Bodies that are too stiff since their cells are, which say nothing of it: what varies within cells tells.
+"""Bodies that are too stiff, or too soft, since their cells are, which say nothing of it: strain that varies within cells.
 
-Strain: a cell of degree 1 that bends has a shear of its own that the body has not.  Of a section that bends, n square
-cells high, about 1/n^2 of the squares of the strain varies, and more the longer the cells are.  A strip of 10 x 1 led aside
-at its ends is 1.11, 1.18, 1.38, 2.3 times too stiff with 4 ... 1 of them across, and 0.07, 0.12, 0.26, 0.88 of it varies;
-with mixed elements 0.8 ... 0.99 times, but 1.3 where cells are four times as long as high.  Where contacts press on coarse
-cells it is some hundredths.
+Degree 1.  A cell that bends has a shear of its own, and with displacement alone a change of volume, that the body has not;
+with mixed elements a part of the volume's change costs nothing.  Two enhanced modes for each direction, zero at a cell's
+nodes, let it bend as it should (Taylor, Beresford & Wilson 1976, doi:10.1002/nme.1620100602): what its energy would be with
+them, all else being as it is, tells how far off a body is that is led.  A strip of 20 x 1 of square cells, 1 ... 4 across,
+K / mu = 5, is 1.17, 0.30, 0.077 too stiff, and this says 1.16, 0.30, 0.075; with mixed elements -0.31, -0.073, -0.018, and
+-0.31, -0.078, -0.020; an arch of 4 x 48 cells, pressed at its crown, 0.09, 0.21, 0.74 at K / mu = 5, 12.75, 50 (0.08, 0.18,
+0.60), of one cell across, mixed, -0.10, -0.18, -0.22 (-0.13, -0.21, -0.25); a sphere of two layers under pressure 0.10,
+0.31, 1.12 at 10, 30, 100 (0.09, 0.31, 1.16), Cook's membrane of 16 cells 0.07, 0.16, 0.40 (0.05, 0.11, 0.24); a bonded strip
+is so by three times what this says.
 
-Volume: cells of displacement alone lock where K is far above mu.  Mixed ones of the same mesh leave out the energy of the
-part of J that their pressures do not see: a body that is led has what is left at most then, so that with displacement
-alone it is too stiff by v / (1 - v) at least, v the share of the energy left out.  An arch pressed at its crown, of 4 x 48
-cells of degree 1, is so by 9, 21, 74 % at K / mu = 5, 12.75, 50, and this says 9, 20, 64 %; Cook's membrane of 16 by 7, 14,
-28 % at 10, 30, 100 (5, 12, 26 %), a sphere of two layers by 9, 24, 53 % (8, 25, 89 %).  In degree 2 what gives way then
-is more: the arch of 6 ... 24 cells along it and 1 across is 3 ... 28 % too stiff for v of 0.010 ... 0.053, the membrane
-2.5 % for 0.007, a bonded strip 3 % for 0.005, the sphere 1 and 5 % for 0.02 and 0.065.
+Degree 2 of displacement alone.  Mixed cells of the same mesh leave out the energy of the part of J that their pressures do
+not see, v of all; the body gives way by more than that: an arch of 6 ... 24 cells along it and 1 across is 3 ... 28 % too
+stiff for v of 0.010 ... 0.053, the membrane 2.5 % for 0.007, a bonded strip 3 % for 0.005, a sphere 1 and 5 % for 0.02 and
+0.065.
 """
 
 from collections.abc import Sequence
@@ -30,146 +31,200 @@ from fenics_contact.types import Floats, Ints
 if TYPE_CHECKING:
     from fenics_contact.scene.scene import Scene
 
-# of the squares of a body's strain, from which share on it is told, and what cells of degree 1 are then
-VARIES = {
-    "displacement": (0.2, "too stiff there by about that share or more"),
-    "mixed": (0.3, "off there by about that share or more, mostly too stiff"),
-}
-LOCKS = {1: 0.03, 2: 0.01}  # by degree: of a body's energy, from which share on it is told
-COUNTS = 0.01  # of all bodies' strain, by their moduli: a body with less may be as stiff as it likes
-MANY = 1_000_000  # values at once, of cells times their nodes times their points, which bounds memory
+LEAST = {1: 0.05, 2: 0.01}  # by degree: of a body's energy, from which share on it is told that a body is too stiff
+SOFT = 0.1  # likewise that it is too soft: a mixed sphere of two layers has 0.08 and is right, for its mean strains are less
+INCOMPRESSIBLE = 10.0  # K / mu from which on cells of degree 2 should be mixed, too
+COUNTS = 0.01  # of the energy of all bodies: one with less may be as stiff as it likes
+MANY = 2_000_000  # values at once, of cells times their points times what varies there, which bounds memory
 
 
-class _Share(NamedTuple):
-    """What varies within cells of a body, and all of it; what the cell has in which most does, and where that is."""
+class Stiffness(NamedTuple):
+    """Of a body, which share of its energy its cells have too much, negative where they have too little, and a note."""
 
-    varies: float
-    whole: float
+    share: float
+    note: str
+
+
+class _Off(NamedTuple):
+    """Energy that cells have too much, and all [energy]; the most that one has, either way, and where that is."""
+
+    much: float
+    all: float
     most: float
     at: Floats
 
 
 class _Cell(NamedTuple):
-    """Points of a cell: the basis (q, n), its gradients (q, d, n), weights (q,), and what pressures can be (q, m)."""
+    """Points of a square or cube: the basis (q, n), its gradients (q, d, n), weights (q,), places (q, d)."""
 
     basis: Floats
     gradients: Floats
     weights: Floats
-    pressures: Floats
+    places: Floats
 
     @classmethod
     def of(cls, name: str, degree: int, dim: int) -> "_Cell":
-        """Gauss's points of a square or cube."""
+        """Gauss's points."""
         x, w = np.polynomial.legendre.leggauss(degree + 1)
-        points = 0.5 + 0.5 * np.stack(np.meshgrid(*dim * [x], indexing="ij"), axis=-1).reshape(-1, dim)
+        places = 0.5 + 0.5 * np.stack(np.meshgrid(*dim * [x], indexing="ij"), axis=-1).reshape(-1, dim)
         weights = np.prod(np.meshgrid(*dim * [0.5 * w], indexing="ij"), axis=0).ravel()
-        values = compat.tabulate(compat.basix_element(name, degree), 1, points)
-        pressures = np.column_stack([np.ones(len(points)), *(points.T if degree > 1 else ())])
-        return cls(values[0], np.ascontiguousarray(values[1:].transpose(1, 0, 2)), weights, pressures)
+        values = compat.tabulate(compat.basix_element(name, degree), 1, places)
+        return cls(values[0], np.ascontiguousarray(values[1:].transpose(1, 0, 2)), weights, places)
 
 
-def stiff_notes(scene: "Scene", system: System) -> list[str]:
-    """Notes on each body of quadrilaterals or hexahedra that bends across few of them, as VARIES says, and that locks, as
-    LOCKS does. Collective."""
-    if compat.cell_name(scene.mesh.domain) in ("triangle", "tetrahedron"):
-        return []
-    owned, tags = compat.cell_map(scene.mesh.domain).size_local, scene.mesh.cell_tags
-    found = []
+class _Strained(NamedTuple):
+    """Cells at their points: F (n, q, 3, 3), inverse jacobians (n, q, d, d), volumes (n, q), and the radius (n, q) of what
+    turns about an axis, else None."""
+
+    F: Floats
+    inverse: Floats
+    volume: Floats
+    radius: Floats | None
+
+    @classmethod
+    def of(cls, scene: "Scene", cell: _Cell, X: Floats, u: Floats) -> "_Strained":
+        """Of cells whose nodes X (n, m, 3) have moved by u (n, m, 3)."""
+        dim = cell.places.shape[1]
+        jacobian, moved = (cell.gradients @ values[:, None, :, :dim] for values in (X, u))
+        inverse = np.linalg.inv(jacobian)
+        F = np.zeros((*jacobian.shape[:2], 3, 3)) + np.eye(3)
+        F[..., :dim, :dim] += (inverse @ moved).swapaxes(2, 3)
+        volume, section = np.abs(np.linalg.det(jacobian)) * cell.weights, scene.section
+        if section is None:
+            return cls(F, inverse, volume, None)
+        places = cell.basis @ X
+        volume = volume * section.depth(places)
+        if not section.axisymmetric:
+            return cls(F, inverse, volume, None)
+        F[..., 2, 2] += (cell.basis @ u[..., :1])[..., 0] / places[..., 0]
+        return cls(F, inverse, volume, places[..., 0])
+
+    def varying(self, values: Floats) -> Floats:
+        """Values (n, q, ...) without their mean over each cell, times the root of volumes."""
+        volume = self.volume.reshape(*self.volume.shape, *[1] * (values.ndim - 2))
+        varying: Floats = (values - self.mean(values)[:, None]) * np.sqrt(volume)
+        return varying
+
+    def mean(self, values: Floats) -> Floats:
+        """Over each cell (n, ...) of values (n, q, ...)."""
+        volume = self.volume.reshape(*self.volume.shape, *[1] * (values.ndim - 2))
+        mean: Floats = (volume * values).sum(axis=1) / volume.sum(axis=1)
+        return mean
+
+
+def stiffnesses(scene: "Scene", system: System, u: Floats) -> dict[str, Stiffness]:
+    """{body: its Stiffness} of those of quadrilaterals or hexahedra that are off by more than LEAST or SOFT says where dofs
+    have moved by u (local). Collective."""
+    if compat.cell_name(scene.mesh.domain) in ("triangle", "tetrahedron") or (scene.degree, scene.element) == (2, "mixed"):
+        return {}
+    owned, tags, found = compat.cell_map(scene.mesh.domain).size_local, scene.mesh.cell_tags, list[_Off]()
     for body in scene.bodies:
         cells = tags.indices[(tags.values == scene.mesh.volume_tag(body.group)) & (tags.indices < owned)]
-        found.append(
-            [_sum(parts) for parts in zip(*system.comm.allgather(_shares(scene, system, body, cells)), strict=True)]
-        )
-    moduli = [body.material.shear_modulus for body in scene.bodies]
-    least = COUNTS * sum(modulus * strain.whole for modulus, (strain, _) in zip(moduli, found, strict=True))
-    notes = []
-    for body, modulus, (strain, volume) in zip(scene.bodies, moduli, found, strict=True):
-        if modulus * strain.whole > least:
-            notes += [_bends(scene, body, strain), _locks(scene, body, volume)]
-    return [note for note in notes if note]
+        found.append(_sum(system.comm.allgather(_off(scene, system, body, (cells, u)))))
+    counts, least = COUNTS * sum(off.all for off in found), LEAST[scene.degree]
+    return {
+        body.group: Stiffness(off.much / off.all, _note(scene, body, off))
+        for body, off in zip(scene.bodies, found, strict=True)
+        if off.all > counts and not -SOFT * off.all <= off.much <= least * off.all
+    }
 
 
-def _sum(parts: Sequence[_Share]) -> _Share:
+def _sum(parts: Sequence[_Off]) -> _Off:
     """Of all processes."""
     worst = max(parts, key=lambda part: part.most)
-    return _Share(sum(part.varies for part in parts), sum(part.whole for part in parts), worst.most, worst.at)
+    return _Off(sum(part.much for part in parts), sum(part.all for part in parts), worst.most, worst.at)
 
 
-def _bends(scene: "Scene", body: Body, strain: _Share) -> str:
-    """The note on a body that bends across few cells, empty where it does not."""
-    least, words = VARIES[scene.element]
-    if scene.degree != 1 or strain.varies <= least * strain.whole:
-        return ""
+def _note(scene: "Scene", body: Body, off: _Off) -> str:
+    """How far off a body is, and what to do."""
+    share, ratio = off.much / off.all, body.material.bulk_modulus / body.material.shear_modulus
+    split, place = isinstance(body.material, Isotropic) and body.material.volumetric is not None, spot(off.at)
+    if scene.degree == 2:
+        return (
+            f"body '{body.group}', K / mu = {ratio:.3g}: {share:.1%} of its energy is that of volumes that change within "
+            f"cells, most at {place}: cells of displacement alone lock, and it is too stiff by as much, or up to six times "
+            f"that; take {'element=' + repr('mixed') if split else 'finer cells'}"
+        )
+    mixed = " and element='mixed'" if ratio > INCOMPRESSIBLE and split and scene.element != "mixed" else ""
+    way, off_by = "stiff" if share > 0.0 else "soft", abs(share / (1.0 - share))
     return (
-        f"body '{body.group}': {strain.varies / strain.whole:.2g} of its strain varies within cells, most at "
-        f"{spot(strain.at)}, as where it bends across few of them: cells of degree 1 are {words}; take degree=2, or twice "
-        "as many cells across what bends and along it"
+        f"body '{body.group}': cells of degree 1 make it too {way} by about {off_by:.0%}, most at {place}, as where it "
+        f"bends across few of them{' or locks' if mixed else ''}: take degree=2{mixed}, or cells of half the size"
     )
 
 
-def _locks(scene: "Scene", body: Body, volume: _Share) -> str:
-    """The note on a body that locks, empty where it does not."""
-    share, material = volume.varies / volume.whole if volume.whole > 0.0 else 0.0, body.material
-    if scene.element != "displacement" or share <= LOCKS[scene.degree]:
-        return ""
-    more = (
-        f"about {share / (1.0 - share):.1%} or more, three times that where it is bonded"
-        if scene.degree == 1
-        else "as much, or up to six times that"
-    )
-    split = isinstance(material, Isotropic) and material.volumetric is not None
-    remedy = "element='mixed'" if split else "finer cells" if scene.degree == 2 else "degree=2"
-    return (
-        f"body '{body.group}', K / mu = {material.bulk_modulus / material.shear_modulus:.3g}: {share:.1%} of its energy is "
-        f"that of volumes that change within cells, most at {spot(volume.at)}: cells of displacement alone lock, and it is "
-        f"too stiff by {more}; take {remedy}"
-    )
-
-
-def _shares(scene: "Scene", system: System, body: Body, cells: Ints) -> tuple[_Share, _Share]:
-    """Of these cells squares of the Green strain, times volumes; and energy, of which the volume's may vary."""
+def _off(scene: "Scene", system: System, body: Body, moved: tuple[Ints, Floats]) -> _Off:
+    """Of these cells, where dofs have moved by so much."""
+    cells, u = moved
     space, X = system.state.u.function_space, system.space.tabulate_dof_coordinates()
-    dim, u = space.mesh.topology.dim, system.state.u.x.array.reshape(-1, space.dofmap.index_map_bs)
-    cell, bulk = _Cell.of(compat.cell_name(space.mesh), scene.degree, dim), 0.5 * body.material.bulk_modulus
-    sums, most, at = np.zeros((2, 2)), np.full(2, -1.0), np.zeros((2, 3))
-    dofs, many = compat.cell_dofs(space)[cells], max(MANY // cell.basis.size, 1)
+    cell = _Cell.of(compat.cell_name(space.mesh), scene.degree, space.mesh.topology.dim)
+    nodes_moved, mixed = u.reshape(-1, space.dofmap.index_map_bs), bool(scene.element == "mixed")
+    mu, bulk = body.material.shear_modulus, body.material.bulk_modulus
+    much, whole, most, at = 0.0, 0.0, -1.0, np.zeros(3)
+    dofs, many = compat.cell_dofs(space)[cells], max(MANY // (9 * cell.basis.size), 1)
     for first in range(0, len(cells), many):
         nodes = dofs[first : first + many]
-        F, weight = _deformation(scene, cell, X[nodes], u[nodes])
-        green = 0.5 * (F.swapaxes(2, 3) @ F - np.eye(3))
-        off = green - np.average(green, axis=1, weights=np.broadcast_to(weight[..., None, None], green.shape))[:, None]
-        J = np.linalg.det(F)
-        shear = 0.5 * body.material.shear_modulus * (np.cbrt(J) ** -2 * (F**2).sum(axis=(2, 3)) - 3.0)
-        bends, locks = (weight * (off**2).sum(axis=(2, 3))).sum(axis=1), bulk * _unseen(cell, J, weight)
-        sums += [
-            [bends.sum(), (weight * (green**2).sum(axis=(2, 3))).sum()],
-            [locks.sum(), (weight * (shear + bulk * (J - 1.0) ** 2)).sum()],
-        ]
-        for i, varies in enumerate((bends, locks)):
-            if varies.max() > most[i]:
-                most[i], at[i] = varies.max(), X[nodes[varies.argmax()]].mean(axis=0)
-    strain, volume = (_Share(float(sums[i, 0]), float(sums[i, 1]), float(most[i]), at[i]) for i in range(2))
-    return strain, volume
+        strained = _Strained.of(scene, cell, X[nodes], nodes_moved[nodes])
+        J = np.linalg.det(strained.F)
+        dilatation = np.broadcast_to(strained.mean(J)[:, None], J.shape) if mixed else J
+        shear = np.cbrt(J) ** -2 * (strained.F**2).sum(axis=(2, 3)) - 3.0
+        whole += float((strained.volume * (0.5 * mu * shear + 0.5 * bulk * (dilatation - 1.0) ** 2)).sum())
+        off = _unseen(cell, strained, bulk) if scene.degree == 2 else _bending(cell, strained, (mu, bulk), mixed)
+        much += float(off.sum())
+        if np.abs(off).max() > most:
+            most, at = float(np.abs(off).max()), X[nodes[np.abs(off).argmax()]].mean(axis=0)
+    return _Off(much, whole, most, at)
 
 
-def _deformation(scene: "Scene", cell: _Cell, X: Floats, u: Floats) -> tuple[Floats, Floats]:
-    """F (n, q, 3, 3) at points of cells whose nodes X (n, m, 3) have moved by u (n, m, 3), and volumes (n, q) there."""
-    dim = cell.gradients.shape[1]
-    jacobian, moved = (cell.gradients @ values[:, None, :, :dim] for values in (X, u))
-    F = np.zeros((*jacobian.shape[:2], 3, 3)) + np.eye(3)
-    F[..., :dim, :dim] += np.linalg.solve(jacobian, moved).swapaxes(2, 3)
-    volume = np.abs(np.linalg.det(jacobian)) * cell.weights
-    if scene.section is None:
-        return F, volume
-    places = np.einsum("qm,nmi->nqi", cell.basis, X)
-    if scene.section.axisymmetric:
-        F[..., 2, 2] += np.einsum("qm,nm->nq", cell.basis, u[..., 0]) / places[..., 0]
-    return F, volume * scene.section.depth(places)
+def _unseen(cell: _Cell, strained: _Strained, bulk: float) -> Floats:
+    """Energies (n,) of that part of J in each cell which is not linear."""
+    linear: Floats = np.column_stack([np.ones_like(cell.weights), cell.places])
+    root: Floats = np.sqrt(strained.volume)
+    left = _without(root[..., None] * linear, root * np.linalg.det(strained.F))
+    energies: Floats = 0.5 * bulk * (left**2).sum(axis=1)
+    return energies
 
 
-def _unseen(cell: _Cell, J: Floats, volume: Floats) -> Floats:
-    """The integral over each cell (n,) of the square of what of J (n, q) pressures of mixed cells do not see."""
-    gram = np.einsum("nq,qi,qj->nij", volume, cell.pressures, cell.pressures)
-    seen = np.linalg.solve(gram, np.einsum("nq,qi,nq->ni", volume, cell.pressures, J)[..., None])[..., 0] @ cell.pressures.T
-    squares: Floats = (volume * (J - seen) ** 2).sum(axis=1)
-    return squares
+def _without(basis: Floats, values: Floats) -> Floats:
+    """What of values (n, q) no sum of a basis (n, q, m) is."""
+    across = basis.swapaxes(1, 2)
+    left: Floats = values - (basis @ np.linalg.solve(across @ basis, across @ values[..., None]))[..., 0]
+    return left
+
+
+def _bending(cell: _Cell, strained: _Strained, moduli: tuple[float, float], mixed: bool) -> Floats:
+    """By how much the energy (n,) of Green strains that vary within each cell falls where enhanced modes let them; small
+    strains beside those of the cell as a whole. A change of volume that no mode can take costs nothing then."""
+    (mu, bulk), (n, q), dim = moduli, strained.volume.shape, cell.places.shape[1]
+    slopes = 1.0 - 2.0 * cell.places  # of a bubble x (1 - x) along each direction of the cell
+    whole, modes = strained.mean(strained.F), []
+    for i in range(dim):
+        gradient = strained.inverse[..., i] * slopes[:, i, None]
+        for axis in range(dim):
+            H = np.zeros((n, q, 3, 3))
+            H[..., axis, :dim] = gradient
+            if strained.radius is not None and axis == 0:
+                H[..., 2, 2] = cell.places[:, i] * (1.0 - cell.places[:, i]) / strained.radius
+            H = whole.swapaxes(1, 2)[:, None] @ H
+            modes.append(strained.varying(0.5 * (H + H.swapaxes(2, 3))))
+    green = strained.varying(0.5 * (strained.F.swapaxes(2, 3) @ strained.F - np.eye(3)))
+    trace, traces = np.trace(green, axis1=2, axis2=3), np.stack([np.trace(mode, axis1=2, axis2=3) for mode in modes], axis=2)
+    strains, flat = np.stack(modes, axis=4).reshape(n, 9 * q, -1), green.reshape(n, 9 * q, 1)
+    lame = bulk - 2.0 * mu / 3.0
+
+    def product(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+        value: Floats = 2.0 * mu * a.swapaxes(1, 2) @ b + lame * c.swapaxes(1, 2) @ d
+        return value
+
+    found = np.linalg.solve(product(strains, strains, traces, traces), product(strains, flat, traces, trace[..., None]))
+    bent, dilated = (flat - strains @ found)[..., 0], trace - (traces @ found)[..., 0]
+    reached = dilated - _without(strained.varying(np.broadcast_to(slopes, (n, *slopes.shape))), dilated)
+
+    def energy(strain: Floats, dilatation: Floats, change: Floats) -> Floats:
+        """change (n, q): of the volume, that which costs something."""
+        shear = (strain**2).sum(axis=1) - (dilatation**2).sum(axis=1) / 3.0
+        energies: Floats = mu * shear + 0.5 * bulk * (change**2).sum(axis=1)
+        return energies
+
+    now = energy(flat[..., 0], trace, np.zeros_like(trace) if mixed else trace)
+    return now - energy(bent, dilated, reached)

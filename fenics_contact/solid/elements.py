@@ -76,11 +76,19 @@ def refuse_element(
             )
 
 
-def locking_notes(degree: int, simplices: str, materials_by_body: Mapping[str, Material]) -> list[str]:
-    """What a verdict must say of bodies whose simplices are stiffer than their material by more than about 3 %."""
+def locking_notes(element: str, degree: int, simplices: str, materials_by_body: Mapping[str, Material]) -> list[str]:
+    """What a verdict must say of bodies whose cells are stiffer than their material by more than about 3 %, whatever they
+    do."""
+    ratios = {body: _bulk_over_shear(material) for body, material in materials_by_body.items()}
+    if degree == 2 and element == "displacement":
+        return [
+            f"body '{body}', K / mu = {ratio:.3g}: cells of displacement alone lock, of degree 2 by some percent where it "
+            "is confined or bends across few of them; take element='mixed'"
+            for body, ratio in ratios.items()
+            if ratio > LOCKS
+        ]
     if degree != 1 or not simplices:
         return []
-    ratios = {body: _bulk_over_shear(material) for body, material in materials_by_body.items()}
     return [
         f"body '{body}', K / mu = {ratio:.3g}: its {simplices} of degree 1 lock: with 4 cells across a bonded part it is "
         "too stiff by 3 % at K / mu of 2, 10 % at 5, 20 % at 10, across one that bends by 15 ... 25 % at any K / mu; take "

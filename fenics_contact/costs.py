@@ -1,0 +1,109 @@
+"""What cells, penalties, chords and nodes cost, noted where stages end: the last one may have let go what others pressed."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from fenics_contact.assembly.section import Section
+from fenics_contact.assembly.system import System
+from fenics_contact.output.columns import HistoryRow
+from fenics_contact.output.history import (
+    Summary,
+    chord_notes,
+    chord_summary,
+    greatest_loads,
+    greatest_travels,
+    node_notes,
+    node_summary,
+    penalty_notes,
+    penalty_summary,
+)
+from fenics_contact.output.results import Results
+from fenics_contact.plans import Plan
+from fenics_contact.recording import Recorder
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.stage import Stage
+from fenics_contact.scene.within_cells import stiffnesses
+from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.node_error import deeper, lifted, node_error
+from fenics_contact.solvers.penalty_error import penalty_error, stiffer
+from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
+from fenics_contact.solvers.verdict import GREW
+
+Shares = dict[str, tuple[float, float]]
+Errors = tuple[dict[str, Any] | None, Shares, dict[str, tuple[float, float | None]]]
+
+
+class Costs:
+    """Notes of a run on what it costs; each once, and where it is much greater than was said. kept: what the run keeps."""
+
+    def __init__(self, scene: Scene, system: System, kept: Recorder) -> None:
+        self.kept, self._scene, self._system = kept, scene, system
+        self._told: dict[tuple[str, str], float] = {}  # shares, by kind and name
+
+    def stage_ended(self, plan: Plan) -> None:
+        """All costs in the state in which a stage ends. Collective."""
+        scene, system, units = self._scene, self._system, self._scene.units
+        self.stiff(plan.stage)
+        self.kept.begin_stage()
+        if any(contact.findings.misstated(system.state) for contact in system.contacts):
+            return
+        with system.timers("penalty error"):
+            error, chords, nodes = errors(system, plan.solver, scene.section, self.kept.results)
+        travel, loads = greatest(scene, system, self.kept.history)
+        cost = penalty_summary(error, list(travel), units)
+
+        def penalties(contacts: Summary) -> list[str]:
+            return penalty_notes(cost | {"contacts": contacts}, travel, units, loads) if cost else []
+
+        by_name = {name: e["force_change_over_load"] for name, e in cost.get("contacts", {}).items()}
+        self._say(plan.stage, "penalties", by_name, cost.get("contacts", {}), penalties)
+        for what, summary, notes in (
+            ("chords", chord_summary(chords, units), chord_notes),
+            ("nodes", node_summary(nodes, units), node_notes),
+        ):
+            by_name = {name: e["load_change_over_load"] for name, e in summary.items()}
+            self._say(plan.stage, what, by_name, summary, partial(notes, units=units))
+
+    def stiff(self, stage: Stage) -> None:
+        """How far off bodies are by their cells, where they had most strain energy in the stage. Collective."""
+        energy, u = self.kept.most_strained
+        if energy > self._system.scales.noise_energy:
+            found = stiffnesses(self._scene, self._system, u)
+            shares = {body: one.share for body, one in found.items()}
+            self._say(stage, "cells", shares, found, lambda fresh: [one.note for one in fresh.values()])
+
+    def _say(
+        self,
+        stage: Stage,
+        what: str,
+        shares: Mapping[str, float],
+        found: Mapping[str, Any],
+        notes: Callable[[dict[str, Any]], list[str]],
+    ) -> None:
+        """The notes on what is found by name, of what has a share greater by GREW than was said."""
+        fresh = {name: one for name, one in found.items() if abs(shares[name]) > GREW * self._told.get((what, name), 0.0)}
+        said = notes(fresh)
+        self.kept.remark([stage.says(note) for note in said])
+        self._told |= {(what, name): abs(shares[name]) for name in fresh if any(f"'{name}'" in note for note in said)}
+
+
+def greatest(scene: Scene, system: System, history: list[HistoryRow]) -> tuple[dict[str, float], dict[str, float]]:
+    """Of all steps the greatest travels of the tools [length] and loads of the contacts [force]."""
+    travels = greatest_travels(history, [tool.name for tool in scene.tools], scene.units)
+    return travels, greatest_loads(history, [contact.name for contact in system.contacts], scene.units)
+
+
+def errors(system: System, solver: LinearSolver, section: Section | None, results: Results) -> Errors:
+    """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
+    `chord_error` and `node_error`. Collective."""
+    round_, deep = is_round(system), deeper(system)
+    varied = [stiffer(system), *([rounder(system)] if round_ else []), *([lifted(system, deep)] if deep else [])]
+    # points follow what shifts them but for a penetration, all that presses: a solve must tell that from the way
+    tolerance = LINEAR * min(deep.part, 1.0) if deep else LINEAR
+    found = sensitivities(system, solver, varied, tolerance, results.pressures)
+    if found is None:
+        return None, {}, {}
+    chords = chord_error(system, found[1]) if round_ else {}
+    return penalty_error(system, found[0], section), chords, node_error(system, deep, found[-1]) if deep else {}
