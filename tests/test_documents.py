@@ -94,7 +94,7 @@ def test_the_readme_is_short_and_its_scene_runs(tmp_path):
     (tmp_path / "scene.py").write_text(f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n{script}")
     run = subprocess.run([sys.executable, "scene.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300.0)
     assert run.returncode == 0, run.stderr
-    assert run.stdout.startswith("converged [-1. -2.]")
+    assert run.stdout.startswith("converged [-0.75 -1.5 ]")
     assert (tmp_path / "pressure.png").stat().st_size > 20_000
     assert {"history.csv", "summary.json", "results.pvd"} <= {
         path.name for path in (tmp_path / "results" / "punch").iterdir()
