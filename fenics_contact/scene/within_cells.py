@@ -199,13 +199,12 @@ def _bending(cell: _Cell, strained: _Strained, moduli: tuple[float, float], mixe
     slopes = 1.0 - 2.0 * cell.places  # of a bubble x (1 - x) along each direction of the cell
     whole, modes = strained.mean(strained.F), []
     for i in range(dim):
-        gradient = strained.inverse[..., i] * slopes[:, i, None]
+        gradient = np.zeros((n, q, 1, 3))
+        gradient[..., 0, :dim] = strained.inverse[..., i] * slopes[:, i, None]
         for axis in range(dim):
-            H = np.zeros((n, q, 3, 3))
-            H[..., axis, :dim] = gradient
+            H = whole[:, None, axis, :, None] * gradient
             if strained.radius is not None and axis == 0:
-                H[..., 2, 2] = cell.places[:, i] * (1.0 - cell.places[:, i]) / strained.radius
-            H = whole.swapaxes(1, 2)[:, None] @ H
+                H[..., 2, 2] = whole[:, None, 2, 2] * (cell.places[:, i] * (1.0 - cell.places[:, i])) / strained.radius
             modes.append(strained.varying(0.5 * (H + H.swapaxes(2, 3))))
     green = strained.varying(0.5 * (strained.F.swapaxes(2, 3) @ strained.F - np.eye(3)))
     trace, traces = np.trace(green, axis1=2, axis2=3), np.stack([np.trace(mode, axis1=2, axis2=3) for mode in modes], axis=2)
