@@ -275,7 +275,7 @@ def _summary(scene: Scene, system: System, plans: Sequence[Plan], verdict: Verdi
             "stepper": ", ".join(dict.fromkeys(str(plan.stage.method) for plan in plans)),
             "linear_solver": solver.method,
             "seconds_per_digit": solver.rates,
-            "solver_changes": [words for one in solvers for words in one.fallbacks],
+            "solver_changes": [words for one in solvers for words in one.stalls.words],
             "tangents": sum(one.tangents for one in solvers),
             "factorisations": sum(one.builds for one in solvers),
             "krylov_iterations": sum(one.iterations for one in solvers),

@@ -320,6 +320,7 @@ class Watched:
         self.symmetric, self.scales, self.still = symmetric, SimpleNamespace(accepted=0.0), lambda: ()
         self.assemble_residual = self.assemble_tangent = self.forget = lambda: None
         self.fresh, self.negative, self.verdict = True, 0, Verdict()
+        self.stalls = SimpleNamespace(resume=lambda verdict: None, accepted=lambda verdict: None)
         self.vector = SimpleNamespace(getSize=lambda: np.inf)  # too large to look for motions
         watch = PivotWatch(self, self, self.verdict, lambda *_: None, arcs)
         for self.negative, self.accepted in steps:

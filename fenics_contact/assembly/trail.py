@@ -21,7 +21,7 @@ class Trail:
     """Goes on to the state at hand, or back to the last one accepted; who then wants its forces has to assemble them.
 
     terms, scales: what remembers beside the state; set_loads(t): puts the loads of t into the forms. last: the last accepted
-    state; accepted: the last three, as far as they lie on one smooth path.
+    state; accepted: the last three, as far as they lie on one smooth path; returns: how often a step was taken back.
     """
 
     def __init__(
@@ -30,6 +30,7 @@ class Trail:
         self._state, self._terms, self._scales, self._stages, self._set_loads = state, terms, scales, stages, set_loads
         self.last = self._here()
         self.accepted = [self.last]
+        self.returns = 0
 
     def _here(self) -> Accepted:
         return Accepted(self._state.u.x.array.copy(), self._state.q.copy(), self._state.t)
@@ -45,6 +46,7 @@ class Trail:
 
     def rollback(self) -> None:
         """Return to the last accepted state."""
+        self.returns += 1
         for term in self._terms:
             term.rollback()
         self._scales.rollback()

@@ -92,6 +92,11 @@ class Choice:
         if digits > 0.0:
             self._solving, self._solves, self._served = self._solving + seconds, self._solves + 1, self._served + 1
 
+    def count_anew(self) -> None:
+        """Drop what was counted of the present method since the last change: a tangent that stalled it is among it."""
+        self._seconds = self._solving = self._digits = 0.0
+        self._served = 0
+
     def due(self, method: str) -> bool:
         """Whether the other method shall be tried now, although what `method` has made may serve on."""
         other = OTHER[method]
@@ -113,6 +118,5 @@ class Choice:
             return method
         self.rates[method], other = seconds / self._digits, OTHER[method]
         wanted = due or self.rates.get(other, np.inf) < BETTER * self.rates[method]
-        self._seconds = self._solving = self._digits = 0.0
-        self._served = 0
+        self.count_anew()
         return other if wanted else method

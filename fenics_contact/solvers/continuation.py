@@ -226,6 +226,7 @@ class Path:
         self.taken += 1
         self._measure(leg)
         self.verdict.accept(arrival.report, self.system)
+        self.arc.linear.stalls.accepted(self.verdict)
         turned = np.arccos(np.clip(self.arc.dot(self._going, arrival.rate), -1.0, 1.0))
         length = min(self.length * _growth(self.steps, arrival.solves, turned), self.steps.largest)
         self.arc.weigh(self.furthest, self.highest)

@@ -13,6 +13,7 @@ from fenics_contact.solvers.choice import Choice, foreseen_costs
 from fenics_contact.solvers.free_rows import Rows
 from fenics_contact.solvers.reuse import REUSE_ABOVE, TIGHTEST, ReusingSolver
 from fenics_contact.solvers.softest import INVERSE, ITERATIVE, Softest
+from fenics_contact.solvers.stalls import Stalls
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Array, Floats, Mat, Vec
 
@@ -70,7 +71,6 @@ class LinearSolver:
         self._forced = method == "iterative"
         choice = Choice(system.comm, foreseen_costs(system)) if method == "auto" else None
         method = choice.first_counting if choice and afresh else choice.first if choice else method
-        self.fallbacks: list[str] = []  # what the log and the summary say of a change of solver
         # negative pivots of the last tangent, tools included (Haynsworth 1968, doi:10.1016/0024-3795(68)90050-5); of an
         # unsymmetric one the sign of its determinant tells only whether they are odd, 1, or even, 0; None: not known
         self.negative: int | None = None
@@ -88,6 +88,7 @@ class LinearSolver:
         self._solver = ReusingSolver(rows, system.symmetric, trials, modes, system.timers, afresh)
         if size <= SMALL and not self._forced:
             self._solver.longest = LONGEST_IF_SMALL
+        self.stalls = Stalls(self._solver, system.trail, lasts=afresh)
 
     @property
     def method(self) -> str:
@@ -106,7 +107,7 @@ class LinearSolver:
     @property
     def rates(self) -> dict[str, float]:
         """Seconds per digit that each method tried has taken last; {} where the choice was not in doubt."""
-        return self._solver.choice.rates if self._solver.choice else {}
+        return self.stalls.choice.rates if self.stalls.choice else {}
 
     @property
     def iterations(self) -> int:
@@ -136,6 +137,8 @@ class LinearSolver:
         """
         self._tolerance, made = tolerance, self.builds
         self.tangents += not again
+        if not again:
+            self.stalls.renew()
         system, free = self.system, np.flatnonzero(self.system.tools.free.ravel())
         rights: list[Vec] = []
         for residual, _, _, dq in sides:
@@ -277,16 +280,14 @@ class LinearSolver:
         return self._solve(column)
 
     def _solve(self, rhs: Vec) -> Vec:
-        """Solution with the eliminated matrix; an iterative solver that stalls hands over to the direct one for good."""
+        """Solution with the eliminated matrix; where an iterative solver stalls the direct one stands in, see Stalls."""
         system, solver, out = self.system, self._solver, rhs.duplicate()
         change = system.supports.change
         if change is not None:
             change.to_own_forces(rhs)
         reason = solver.solve(self._matrix, system.couplings.patterns, rhs, out, self._tolerance)
         if reason < 0 and self.method == "iterative" and not self._forced:
-            self.fallbacks.append(f"iterative solver stopped with reason {reason}; the direct one took over")
-            solver.use("direct")
-            solver.choice = None
+            self.stalls.stalled(reason)
             reason = solver.solve(self._matrix, system.couplings.patterns, rhs, out, self._tolerance)
         if reason < 0:
             raise LinearFailure(*self._cause(reason))

@@ -18,6 +18,7 @@ class PivotWatch:
     def __init__(self, system: System, linear: LinearSolver, verdict: Verdict, on_step: OnStep, arcs: bool) -> None:
         self.system, self.linear, self.verdict, self.on_step, self.arcs = system, linear, verdict, on_step, arcs
         self.negative = 0 if system.scales.accepted == 0.0 else None  # not known of a run that is resumed
+        linear.stalls.resume(verdict)
         self._counted = True  # else one motion was found that is not resisted, and there may be more
 
     def __call__(self, report: StepReport, seconds: float, on_schedule: bool) -> None:
@@ -31,6 +32,7 @@ class PivotWatch:
             now, counted = self._seen_in_the_end()
         if now is not None:
             self._look(now, counted)
+        self.linear.stalls.accepted(self.verdict)
         self.on_step(report, seconds, on_schedule)
 
     def _seen(self) -> tuple[int | None, bool]:

@@ -50,7 +50,8 @@ class Verdict:
     not had yet; remarked: by name or place of terms and bodies and by kind what has been said of them: its size, the
     greatest one since, and the note on that; common: by kind of notes that steps have in common, how many, the last of
     them, and size and step of the greatest; resumed: numbers of the last steps before the run was killed and gone on with;
-    smallest: step [t] below which none is tried; longest: largest step [t] to try next, endless while no step failed.
+    smallest: step [t] below which none is tried; longest: largest step [t] to try next, endless while no step failed;
+    stood_in: steps accepted in which the direct linear solver stood in for one that stalls, less those without, see Stalls.
     """
 
     converged: bool = True
@@ -72,6 +73,7 @@ class Verdict:
     common: dict[str, tuple[int, str, float, str]] = field(default_factory=dict, repr=False)
     resumed: list[int] = field(default_factory=list, repr=False)
     smallest: float = field(default=0.0, repr=False)
+    stood_in: int = field(default=0, repr=False)
     longest: float = field(default=math.inf, repr=False)
 
     def __str__(self) -> str:
@@ -159,6 +161,10 @@ class Verdict:
             most, where = (size, self._step) if size > most else (most, where)
             self.common[kind] = count + 1, self._step, most, where
         (self.said if count else self.notes).append(f"{self._step}: {words}")
+
+    def log(self, words: str) -> None:
+        """A line of the log, and no note, on the step accepted last."""
+        self.said.append(f"{self._step}: {words}")
 
     def remark(self, words: Mapping[str, str]) -> None:
         """Note what is found at places, {place: note}, in the step accepted last."""
