@@ -5,7 +5,9 @@ import numpy as np
 
 from fenics_contact.assembly.contact_term import ContactTerm, Leads
 from fenics_contact.assembly.finding import Finding, Remark
+from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
+from fenics_contact.types import Floats
 
 TOUCHES = "first touch of what moves aside"  # the kind of failure
 SLIGHT = 0.02  # of the load: friction that is not looked at
@@ -50,15 +52,40 @@ class FirstTouch:
 
     def _leads(self) -> Leads:
         """Of supports and tools in this step: of the ways that nodes are led those that are greatest along an axis. What
-        springs hold goes as forces lead it. Collective."""
+        soft springs carry, or anything else drives, may go any way. Collective."""
         system, last = self._system, self._system.trail.last
         led, moved = np.zeros_like(last.u), system.state.q - last.q
         system.supports.put(led, system.supports.held(system.state.u.x.array - last.u))
         ways = led.reshape(-1, 3)
         ends = ways[np.unique(np.abs(ways).argmax(axis=0))] if len(ways) else ways
-        sprung = any(term.name == "springs" for term in system.terms)
-        turned = np.inf if sprung else np.abs(moved[:, 3:]).max(initial=0.0)
+        springs = system.grounding is not None and system.grounding.engaged
+        turned = np.inf if springs or self._driven_otherwise(ways) else np.abs(moved[:, 3:]).max(initial=0.0)
         return Leads(np.concatenate([*system.comm.allgather(ends), moved[:, :3]]), float(turned))
+
+    def _driven_otherwise(self, ways: Floats) -> bool:
+        """Whether some body does not simply go where supports lead its nodes, ways (n, 3) [length].
+
+        Carried along without strain from where the step began, it is out of balance then without contacts: under loads that
+        change, on springs, where contacts press, or where its supports bend it. Collective.
+        """
+        system, u = self._system, self._system.state.u.x.array
+        here, carried = u.copy(), self._system.trail.last.u.reshape(-1, 3).copy()
+        for _, nodes in system.bodies:
+            most = [ways[nodes].min(axis=0, initial=0.0), ways[nodes].max(axis=0, initial=0.0)]
+            everywhere = np.concatenate(system.comm.allgather(most))
+            carried[nodes] += everywhere[np.abs(everywhere).argmax(axis=0), np.arange(3)]
+        u[:] = carried.ravel()
+        system.supports.put(u, system.supports.held(here))
+        forces, on_tools = np.zeros_like(u), np.zeros_like(system.tool_residual)
+        for term in system.terms:
+            if term not in (*system.contacts, *system.springs, *system.fluids):  # fluids ask where contacts press
+                term.add_residual(system.state, forces, on_tools)
+        u[:] = here
+        left = system.border_vector(forces)
+        with left.localForm() as local:
+            system.supports.put_forces(local.array_w, 0.0)
+        resting = left.norm() <= max(ALLOWED * system.scales.balance, system.scales.noise)  # not of cells inside out
+        return bool(system.fluids) or not resting
 
     def _touched(self, gaps: tuple[float, float], size: float) -> float:
         """After what part of a step of this size [t] bodies touch that had these gaps as it and the last one began."""
