@@ -261,12 +261,11 @@ def hung(driven, steps, held="support"):
 
 @pytest.mark.parametrize("driven", ["weight", "swelling"])
 def test_what_loads_lead_from_a_support_has_the_friction_of_its_way_since_it_touched(driven):
-    """To 2 % of the load, or as a note says of what comes in later, beside others that press."""
+    """To 2 % of the load, and what points have that come in later, beside others that press: 0.2 % in one step."""
     load, rubs, _ = hung(driven, 160)
     for steps in (1, 2, 4):
-        found, friction, result = hung(driven, steps)
-        told = max(came_in(result), default=0.0)
-        assert abs(friction / found - rubs / load) < max(0.02, told)  # was off by 0.20, and by 0.17 as it swells, unsaid
+        found, friction, _ = hung(driven, steps)
+        assert abs(friction / found - rubs / load) < 0.025  # was off by 0.20, and by 0.17 as it swells
         np.testing.assert_allclose(found, load, rtol=0.02)  # was 10 % less
     held, friction, _ = hung(driven, 1, "springs")
     found, rubs, _ = hung(driven, 1)

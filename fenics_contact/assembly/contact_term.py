@@ -197,13 +197,17 @@ class Leads(NamedTuple):
 
 
 class Newcomers(NamedTuple):
-    """Points that come to touch within a step: of the friction of all of a contact what their approach does not explain,
-    where nothing has pressed before and they are all that does, otherwise none; the load; the same of those that stick,
-    beside others [force]; gaps: their mean gap when the step began, and when the last one did [length]."""
+    """Points that come to touch within a step.
+
+    friction: of that of all of a contact what their approach does not explain, where nothing has pressed before and they are
+    all that does, otherwise none; free: the same if they may have gone any way; beside: that of points that stick, beside
+    others that press; load [force]; gaps: their mean gap when the step began, and when the last one did [length].
+    """
 
     friction: float
-    load: float
+    free: float
     beside: float
+    load: float
     gaps: tuple[float, float]
 
 

@@ -10,6 +10,7 @@ from fenics_contact.assembly.contact_term import Leads, Newcomers
 from fenics_contact.assembly.term import State
 from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.status import STICK
+from fenics_contact.types import Bools
 
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
@@ -38,7 +39,7 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     sums = np.array([loads.sum(), had.sum(), loads[comes].sum(), *(loads[comes] @ x)])
     load, had_load, came, *middle = comm.allreduce(sums)
     if came <= 0.0:
-        return Newcomers(0.0, float(load), 0.0, (0.0, 0.0))
+        return Newcomers(0.0, 0.0, 0.0, float(load), (0.0, 0.0))
     size = np.linalg.norm(friction, axis=2)
     way = contact.partner.anchors.slid(contact.places.feet(state), trial, response.status)[0]
     way = way + size / s.stiffness[:, None]  # and what friction has kept it from
@@ -48,17 +49,22 @@ def first_touch(contact: Contact, state: State, leads: Leads) -> Newcomers:
     mean, along = unit(comm.allreduce(loads[comes] @ normals))[None], (friction * (s.area * more)[..., None])[comes]
     if came <= ALL * load or had_load > (1.0 - ALL) * load:
         sticks = (response.status == STICK).reshape(comes.shape)[comes] & (leads.across(mean) > short)
-        return Newcomers(0.0, float(load), float(np.linalg.norm(comm.allreduce(along[sticks].sum(axis=0)))), (0.0, 0.0))
+        beside = np.linalg.norm(comm.allreduce(along[sticks].sum(axis=0)))
+        return Newcomers(0.0, 0.0, float(beside), float(load), (0.0, 0.0))
     # all points are led aside as the surfaces are, and each on a flank
     across = leads.across(normals)
     aside = (leads.across(mean) > short) | ((across > STEEP * leads.along(normals)) & (across > short))
-    along *= aside[:, None]
-    far = (gaps[comes] >= contact.places.search) & aside
-    arms = x - np.array(middle) / came
-    weighed = [loads[comes] @ of for of in (np.square(arms).sum(axis=1), gaps[comes], earlier[comes])]
-    unknown = (contact.forces.limits(state) * s.area)[comes] @ far
-    sums = comm.allreduce(np.array([*along.sum(axis=0), *np.cross(arms, along).sum(axis=0), *weighed, unknown]))
-    square, then, before = sums[6:9] / came
-    turns = np.linalg.norm(sums[3:6]) / np.sqrt(square) if square > 0.0 else 0.0
-    rubs = max(float(np.linalg.norm(sums[:3])), float(turns), float(sums[9]))
-    return Newcomers(rubs, float(load), 0.0, (float(then), float(before)))
+    arms, far = x - np.array(middle) / came, gaps[comes] >= contact.places.search
+    square, then, before = (
+        comm.allreduce(np.array([loads[comes] @ of for of in (np.square(arms).sum(axis=1), gaps[comes], earlier[comes])]))
+        / came
+    )
+
+    def rubs(points: Bools) -> float:
+        unknown = (contact.forces.limits(state) * s.area)[comes] @ (far & points)
+        force, turn = along[points].sum(axis=0), np.cross(arms, along)[points].sum(axis=0)
+        sums = comm.allreduce(np.array([*force, *turn, unknown]))
+        turns = np.linalg.norm(sums[3:6]) / np.sqrt(square) if square > 0.0 else 0.0
+        return max(float(np.linalg.norm(sums[:3])), float(turns), float(sums[6]))
+
+    return Newcomers(rubs(aside), rubs(np.ones_like(aside)), 0.0, float(load), (float(then), float(before)))

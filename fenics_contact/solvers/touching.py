@@ -42,6 +42,8 @@ class FirstTouch:
             come = contact.findings.first_touch(system.state, leads)
             most = self._loads[contact] = max(self._loads.get(contact, 0.0), come.load)
             matters = max(SLIGHT * most, LEAST * system.scales.balance)
+            free = come.friction < come.free and come.free > matters and self._driven_otherwise()
+            come = come._replace(friction=come.free) if free else come
             if come.friction > matters and shorter and size > FEWEST * self._longest:
                 self.part = self._touched(come.gaps, size)
                 reason = "what touches first within the step has friction of its way through the air"
@@ -51,24 +53,30 @@ class FirstTouch:
         return None
 
     def _leads(self) -> Leads:
-        """Of supports and tools in this step: of the ways that nodes are led those that are greatest along an axis. What
-        soft springs carry, or anything else drives, may go any way. Collective."""
-        system, last = self._system, self._system.trail.last
-        led, moved = np.zeros_like(last.u), system.state.q - last.q
-        system.supports.put(led, system.supports.held(system.state.u.x.array - last.u))
-        ways = led.reshape(-1, 3)
-        ends = ways[np.unique(np.abs(ways).argmax(axis=0))] if len(ways) else ways
-        springs = system.grounding is not None and system.grounding.engaged
-        turned = np.inf if springs or self._driven_otherwise(ways) else np.abs(moved[:, 3:]).max(initial=0.0)
-        return Leads(np.concatenate([*system.comm.allgather(ends), moved[:, :3]]), float(turned))
+        """Of supports and tools in this step: of the ways that nodes are led those that are greatest along an axis.
+        Collective."""
+        system, led = self._system, self._led()
+        ends = led[np.unique(np.abs(led).argmax(axis=0))] if len(led) else led
+        moved = system.state.q - system.trail.last.q
+        ways = np.concatenate([*system.comm.allgather(ends), moved[:, :3]])
+        return Leads(ways, float(np.abs(moved[:, 3:]).max(initial=0.0)))
 
-    def _driven_otherwise(self, ways: Floats) -> bool:
-        """Whether some body does not simply go where supports lead its nodes, ways (n, 3) [length].
+    def _led(self) -> Floats:
+        """By how much supports lead nodes (n, 3) in this step [length]."""
+        system, last = self._system, self._system.trail.last
+        led = np.zeros_like(last.u)
+        system.supports.put(led, system.supports.held(system.state.u.x.array - last.u))
+        return led.reshape(-1, 3)
+
+    def _driven_otherwise(self) -> bool:
+        """Whether soft springs carry bodies, or some body does not simply go where supports lead its nodes.
 
         Carried along without strain from where the step began, it is out of balance then without contacts: under loads that
         change, on springs, where contacts press, or where its supports bend it. Collective.
         """
-        system, u = self._system, self._system.state.u.x.array
+        system, u, ways = self._system, self._system.state.u.x.array, self._led()
+        if system.grounding is not None and system.grounding.engaged:
+            return True
         here, carried = u.copy(), self._system.trail.last.u.reshape(-1, 3).copy()
         for _, nodes in system.bodies:
             most = [ways[nodes].min(axis=0, initial=0.0), ways[nodes].max(axis=0, initial=0.0)]
