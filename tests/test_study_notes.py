@@ -25,7 +25,8 @@ def ball(squeeze_mm, steps):
 def pressed(squeeze_mm):
     """What nobody doubts."""
     scene = Scene(Body(read_gmsh(box.build, cells=(1, 1, 1)), "box", neo_hooke(1.0, 5.0)))
-    scene.fix("zmin")
+    for axis in "xyz":
+        scene.fix(f"{axis}min", axis)
     scene.prescribe("zmax", "z", -squeeze_mm)
     return solve(scene, steps=1, out=Output(progress=False))
 
