@@ -40,13 +40,12 @@ class Costs:
 
     def __init__(self, scene: Scene, system: System, kept: Recorder) -> None:
         self.kept, self._scene, self._system = kept, scene, system
-        self._told: dict[tuple[str, str], float] = {}  # shares, by kind and name
 
     def stage_ended(self, plan: Plan) -> None:
         """All costs in the state in which a stage ends. Collective."""
         scene, system, units = self._scene, self._system, self._scene.units
         self.stiff(plan.stage)
-        self.kept.begin_stage()
+        self.kept.results.begin_stage()
         if any(contact.findings.misstated(system.state) for contact in system.contacts):
             return
         with system.timers("penalty error"):
@@ -68,7 +67,7 @@ class Costs:
 
     def stiff(self, stage: Stage) -> None:
         """How far off bodies are by their cells, where they had most strain energy in the stage. Collective."""
-        energy, u = self.kept.most_strained
+        energy, u = self.kept.results.most_strained
         if energy > self._system.scales.noise_energy:
             found = stiffnesses(self._scene, self._system, u)
             shares = {body: one.share for body, one in found.items()}
@@ -83,10 +82,14 @@ class Costs:
         notes: Callable[[dict[str, Any]], list[str]],
     ) -> None:
         """The notes on what is found by name, of what has a share greater by GREW than was said."""
-        fresh = {name: one for name, one in found.items() if abs(shares[name]) > GREW * self._told.get((what, name), 0.0)}
+        remarked = self.kept.verdict.remarked
+        before = {name: remarked.get(name, {}).get(what, (0.0,))[0] for name in found}
+        fresh = {name: one for name, one in found.items() if abs(shares[name]) > GREW * before[name]}
         said = notes(fresh)
         self.kept.remark([stage.says(note) for note in said])
-        self._told |= {(what, name): abs(shares[name]) for name in fresh if any(f"'{name}'" in note for note in said)}
+        for name in fresh:
+            if any(f"'{name}'" in note for note in said):
+                remarked.setdefault(name, {})[what] = abs(shares[name]), abs(shares[name]), ""
 
 
 def greatest(scene: Scene, system: System, history: list[HistoryRow]) -> tuple[dict[str, float], dict[str, float]]:

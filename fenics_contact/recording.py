@@ -14,7 +14,6 @@ from fenics_contact.output.columns import ARCS, Columns, HistoryRow, damping_col
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.files import clear_results, writing
 from fenics_contact.output.film import Film
-from fenics_contact.output.names import energy_unit
 from fenics_contact.output.results import Results
 from fenics_contact.output.view import View
 from fenics_contact.output.writer import Writer
@@ -26,7 +25,6 @@ from fenics_contact.scene.symmetry import SYMMETRY, Symmetry
 from fenics_contact.solvers.arc_length import ArcReport
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import OVERLAPS, Verdict
-from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, shown, text
 
 SEPARATORS = ',"\r\n'  # of a CSV file
@@ -63,8 +61,6 @@ class Recorder:
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
         self.history[:] = [self.columns.fitted(row, self._of_arc(ArcReport()), self.extra) for row in self.history]
         self._told = len(self.verdict.notes)  # those that have been printed
-        self.most_strained: tuple[float, Floats] = 0.0, system.state.u.x.array  # see begin_stage
-        self.begin_stage()
         with system.timers("compile"):
             self._volume_ratio = scene.volume_ratio(system.state.u)
         with system.timers("output"):
@@ -102,9 +98,6 @@ class Recorder:
         news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had
         with self.system.timers("output"):
             self.history.append(self._row(report, seconds, smallest_J))
-            energy = float(self.history[-1][f"strain_energy_{energy_unit(self.scene.units)}"])
-            if energy > self.most_strained[0]:
-                self.most_strained = energy, self.system.state.u.x.array.copy()
             for film in self._films:
                 film.take(self.scene, self.system)
             if self.writer and on_schedule:
@@ -122,10 +115,6 @@ class Recorder:
         if not self.arcs:
             self.bar.n = min(t, self.bar.total)  # steps may go past t = 1, if only by rounding; tqdm would warn of it
             self.bar.update(0)
-
-    def begin_stage(self) -> None:
-        """What is kept of the stage that ends: the displacement (local) where bodies had most strain energy."""
-        self.most_strained = 0.0, self.system.state.u.x.array.copy()
 
     def _words(self, report: StepReport) -> str:
         name = self.system.stages.name

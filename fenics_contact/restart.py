@@ -24,7 +24,10 @@ from fenics_contact.scene.stated import Statement, first_difference
 from fenics_contact.solvers.continuation import Path as Continuation
 from fenics_contact.solvers.softened import Softened
 from fenics_contact.solvers.verdict import Verdict
+from fenics_contact.types import Floats
 from fenics_contact.values import SceneError
+
+STRAINED = "most strained"  # the field of dofs where bodies had most strain energy in the stage that is on
 
 
 class Keeper:
@@ -56,6 +59,7 @@ class Keeper:
         self._verdict: dict[str, Any] = {}  # as it was when the last step was accepted, before a run's end is judged
         self.rows: list[HistoryRow] = []
         self._results: Results | None = None
+        self._strained: Floats | None = None  # of the steps behind, as what is kept
         self._kept: tuple[dict[str, Any] | None, dict[str, Any]] = None, {}  # of the steps behind, until Results follow
         self._memory, self._files, self._stated = Memory(system), CheckpointFiles(folder), lru_cache(maxsize=1)(stated)
         if output.resume:
@@ -107,6 +111,7 @@ class Keeper:
             ) from None
         try:
             fields = self._memory.restore(arrays)
+            self._strained = fields.pop(STRAINED, None)
             if path := self._path:
                 path.recall(fields, content["stepper"])
         except ValueError as error:
@@ -125,6 +130,8 @@ class Keeper:
         (arrays, numbers), self._kept, self._results = self._kept, (None, {}), results
         if numbers:
             results.recall(partial(self._memory.rows, arrays), numbers)
+        if self._strained is not None:
+            results.most_strained = numbers["most_strained"], self._strained
 
     @property
     def _path(self) -> Continuation | None:
@@ -157,8 +164,9 @@ class Keeper:
             self._write()
 
     def _write(self) -> None:
-        fields, numbers = self._path.memory() if self._path else (None, None)
+        fields, numbers = self._path.memory() if self._path else ({}, None)
         rows, of_results = self._results.memory() if self._results else ({}, {})
+        fields = fields | ({STRAINED: self._results.most_strained[1]} if self._results else {})
         arrays, stated = self._memory.collect(fields, rows), self._statement(self._stages.passed)
         ends = [[end.t, end.q.tolist(), end.forces.tolist()] for end in self._stages.ends]
         left = self._left()

@@ -166,7 +166,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parallel
 def test_steps_that_end_before_the_paths_do_are_noted():
-    scene = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", rubber()))
+    scene = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", rubber()), element="mixed")
     scene.fix("zmin")
     scene.prescribe("zmax", "z", -0.1)
     notes = [solve(scene, steps=steps).require().verdict.notes for steps in ([0.5, 0.8], [0.5, 1.0], 2)]

@@ -83,10 +83,17 @@ class Results:
         self.reactions = Reactions(scene, system)
         self.within_facets = dict.fromkeys(watched, (0.0, 0.0))
         self.balance = EnergyBalance(system, loads, so_far, scene.section, as_drawn)
+        self.begin_stage()
+
+    def begin_stage(self) -> None:
+        """What is kept of the stage before ends: of a stage the most strain energy, and dofs (local) where bodies had it."""
+        self.most_strained: tuple[float, Floats] = 0.0, self.system.state.u.x.array.copy()
 
     def of_step(self, jumped: bool) -> StepResult:
         """Of the state just accepted; jumped: damped motion has led there. Call once per step. Collective."""
         energies, state = self.balance.advance(jumped), self.system.state
+        if energies.strain > self.most_strained[0]:
+            self.most_strained = float(energies.strain), state.u.x.array.copy()
         contacts = {surface.contact.name: self._contact(surface, energies) for surface in self.surfaces}
         travel, angles = (
             dict(zip(self.system.tools.names, of_tools.copy(), strict=True)) for of_tools in (state.travel, state.angles)
@@ -103,7 +110,8 @@ class Results:
         """What a checkpoint keeps of the steps behind: {name: (keys, rows)}, and plain values. Collective."""
         rows, numbers = self.balance.memory()
         keys = self.balance.keys
-        return {name: (keys[name], row) for name, row in rows.items()}, {"work": numbers, "within": self.within_facets}
+        kept = {"work": numbers, "within": self.within_facets, "most_strained": self.most_strained[0]}
+        return {name: (keys[name], row) for name, row in rows.items()}, kept
 
     def recall(self, rows_of: Callable[[Mapping[str, Ints64]], dict[str, Floats]], numbers: dict[str, Any]) -> None:
         """Go on from what `memory` gave; rows_of: gives the rows of keys by name. Collective."""
