@@ -203,17 +203,22 @@ def numbers(result):
     return np.append(forces.ravel(), result.system.vector.norm())
 
 
+def raises(result):
+    """The notes on raised penalties."""
+    return [note for note in result.verdict.notes if "penalties raised" in note]
+
+
 @pytest.mark.parametrize("kind", ["analytic", "bodies"])  # a meshed tool is a pair of bodies, too
 def test_resumed_is_continuous(kind, monkeypatch, tmp_path):
     monkeypatch.setattr(penalties, "DEEPEST", {"analytic": 1e-3, "bodies": 2e-4}[kind])  # raised twice
     folder, times = COMM.bcast(tmp_path), [0.25, 0.5, 0.75, 1.0]
     whole = carried(kind, times)
-    raised = [note.split()[1] for note in whole.verdict.notes if "penalties raised" in note]
+    raised = [note.split()[1] for note in raises(whole)]
     assert len(set(raised)) >= 2 and whole.history[-1]["c_sticking_points"] < whole.history[-1]["c_active_points"]
     carried(kind, times[:2], folder)
     resumed = carried(kind, times, folder, resume=True)
     np.testing.assert_allclose(numbers(resumed), numbers(whole), rtol=0, atol=SAME * np.abs(numbers(whole)).max())
-    said = [[(note.split()[1], note.split(" lies ")[1]) for note in r.verdict.notes] for r in (resumed, whole)]
+    said = [[(note.split()[1], note.split(" lies ")[1]) for note in raises(r)] for r in (resumed, whole)]
     assert said[0] == said[1]  # steps and factors; of several points equally deep round-off chooses one
 
 
