@@ -71,7 +71,7 @@ def test_counts_of_the_rough_punch():
     assert max(iterations[1:]) <= 5  # after the first touch
     assert solver.builds < sum(iterations)
     assert solver.iterations <= 40 * sum(iterations)  # penalties must not show: the parity scene's bound and a third
-    assert not solver.fallbacks
+    assert not solver.stalls.count
     assert system.couplings.patterns == 1
     assert system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["mallocs"] == 0
 
