@@ -115,7 +115,7 @@ def _came_in(contact: ContactTerm, share: float) -> Remark:
     """share: of the load."""
     return Remark(
         share,
-        f"contact '{contact.name}': what came to touch within the step rubs with {share:.2g} of the load, and has moved "
-        "aside before it touched as well: its tangential force may be off by so much, and by more where that adds up, as "
-        "where things roll; take more steps",
+        f"contact '{contact.name}': what came to touch within the step rubs with {share:.2g} of the load by then, and "
+        "has moved aside before it touched as well: its tangential force may be off by so much, and by more where that adds "
+        "up, as where things roll; take more steps",
     )
