@@ -185,12 +185,12 @@ def arch(stabilise):
 def test_nor_which_side_of_one():
     """Both feet slide outwards, and nothing says by how much each: the crown goes aside as the steps happen to fall, both
     slide alike, as they should, or both do in an iterate, in which nothing holds the arch between them: which of these is up
-    to rounding, and none but the second goes without a word."""
+    to rounding, and what goes aside by more than some hundredths of the way is told."""
     result, aside = arch(stabilise=False)
     notes = told(result)
     assert all("contact 'feet' holds body 'arch' between its sides" in note for note in notes)
     if result.converged:
-        assert notes or aside < 1e-6
+        assert notes or aside < 0.06  # some hundredths of the way, from which on it is told
     else:
         assert result.verdict.kind == SLIDES and "stabilise=True" in result.verdict.remedy
     result, aside = arch(stabilise=True)
