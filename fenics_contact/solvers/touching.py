@@ -69,15 +69,16 @@ class FirstTouch:
         return led.reshape(-1, 3)
 
     def _driven_otherwise(self) -> bool:
-        """Whether soft springs carry bodies, or some body does not simply go where supports lead its nodes.
+        """Whether soft springs carry bodies or fluids press, or some body does not simply go where supports lead its nodes.
 
         Carried along without strain from where the step began, it is out of balance then without contacts: under loads that
         change, on springs, where contacts press, or where its supports bend it. Collective.
         """
-        system, u, ways = self._system, self._system.state.u.x.array, self._led()
-        if system.grounding is not None and system.grounding.engaged:
+        system = self._system
+        if system.fluids or (system.grounding is not None and system.grounding.engaged):
             return True
-        here, carried = u.copy(), self._system.trail.last.u.reshape(-1, 3).copy()
+        u, ways = system.state.u.x.array, self._led()
+        here, carried = u.copy(), system.trail.last.u.reshape(-1, 3).copy()
         for _, nodes in system.bodies:
             most = [ways[nodes].min(axis=0, initial=0.0), ways[nodes].max(axis=0, initial=0.0)]
             everywhere = np.concatenate(system.comm.allgather(most))
@@ -86,14 +87,13 @@ class FirstTouch:
         system.supports.put(u, system.supports.held(here))
         forces, on_tools = np.zeros_like(u), np.zeros_like(system.tool_residual)
         for term in system.terms:
-            if term not in (*system.contacts, *system.springs, *system.fluids):  # fluids ask where contacts press
+            if term not in (*system.contacts, *system.springs):
                 term.add_residual(system.state, forces, on_tools)
         u[:] = here
         left = system.border_vector(forces)
         with left.localForm() as local:
             system.supports.put_forces(local.array_w, 0.0)
-        resting = left.norm() <= max(ALLOWED * system.scales.balance, system.scales.noise)  # not of cells inside out
-        return bool(system.fluids) or not resting
+        return not left.norm() <= max(ALLOWED * system.scales.balance, system.scales.noise)  # nor do cells inside out rest
 
     def _touched(self, gaps: tuple[float, float], size: float) -> float:
         """After what part of a step of this size [t] bodies touch that had these gaps as it and the last one began."""
