@@ -22,6 +22,7 @@ from fenics_contact import (
 )
 from fenics_contact.assembly.finding import SLIDES
 from fenics_contact.meshes import box, rectangles
+from fenics_contact.solvers.undecided import ASIDE
 
 pytestmark = pytest.mark.parallel
 RUBBER = neo_hooke(mu=0.5, K=2.0)
@@ -190,7 +191,7 @@ def test_nor_which_side_of_one():
     notes = told(result)
     assert all("contact 'feet' holds body 'arch' between its sides" in note for note in notes)
     if result.converged:
-        assert notes or aside < 0.06  # some hundredths of the way, from which on it is told
+        assert notes or aside < ASIDE * result.system.scales.moved
     else:
         assert result.verdict.kind == SLIDES and "stabilise=True" in result.verdict.remedy
     result, aside = arch(stabilise=True)
