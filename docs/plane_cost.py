@@ -164,7 +164,7 @@ STAGES = {
     "bulk tangent": ("bulk tangent",),
     "residual": ("residual",),
     "contact": ("search", "projection", "contact kernel", "insertion"),
-    "measures": ("output", "penalty error"),
+    "measures": ("output", "cells", "penalty error"),
     "forms": ("compile",),
 }
 spent: list[float] = []

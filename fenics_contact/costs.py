@@ -25,6 +25,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Stage
 from fenics_contact.scene.within_cells import stiffnesses
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
+from fenics_contact.solvers.giving import gives
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.node_error import deeper, lifted, node_error
 from fenics_contact.solvers.penalty_error import penalty_error, stiffer
@@ -44,7 +45,7 @@ class Costs:
     def stage_ended(self, plan: Plan) -> None:
         """All costs in the state in which a stage ends. Collective."""
         scene, system, units = self._scene, self._system, self._scene.units
-        self.stiff(plan.stage)
+        self.stiff(plan)
         self.kept.results.begin_stage()
         if any(contact.findings.misstated(system.state) for contact in system.contacts):
             return
@@ -65,13 +66,17 @@ class Costs:
             by_name = {name: e["load_change_over_load"] for name, e in summary.items()}
             self._say(plan.stage, what, by_name, summary, partial(notes, units=units))
 
-    def stiff(self, stage: Stage) -> None:
-        """How far off bodies are by their cells, where they had most strain energy in the stage. Collective."""
+    def stiff(self, plan: Plan) -> None:
+        """How far off bodies are by their cells, where they had most strain energy in the stage, or, if any swells, by how
+        much only the present says, in the end. Collective."""
         energy, u = self.kept.results.most_strained
+        if any(law.swelling for law in self._system.terms[0].laws):
+            u = self._system.state.u.x.array.copy()
         if energy > self._system.scales.noise_energy:
-            found = stiffnesses(self._scene, self._system, u)
+            with self._system.timers("cells"):
+                found = stiffnesses(self._scene, self._system, u, partial(gives, self._system, plan.solver, u))
             shares = {body: one.share for body, one in found.items()}
-            self._say(stage, "cells", shares, found, lambda fresh: [one.note for one in fresh.values()])
+            self._say(plan.stage, "cells", shares, found, lambda fresh: [one.note for one in fresh.values()])
 
     def _say(
         self,

@@ -149,7 +149,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
         energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
         words = strained(system, energies[-1], max(energies)) if energies else None
         kept.remark([words] if words else [])
-        costs.stiff(plans[-1].stage)
+        costs.stiff(plans[system.stages.index])
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         solver = plans[system.stages.index].solver

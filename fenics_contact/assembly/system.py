@@ -1,6 +1,6 @@
 """The nonlinear system R(u, q, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.assembly.acceptance import Acceptance
-from fenics_contact.assembly.blocks import insert
+from fenics_contact.assembly.blocks import Blocks, insert
 from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.damping import Damping
@@ -127,11 +127,13 @@ class System:
         free = self.tool_residual[self.tools.free]
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
-    def assemble_tangent(self, terms: Sequence[Term] | None = None, trials: Trials | None = None) -> None:
+    def assemble_tangent(
+        self, terms: Sequence[Term] | None = None, trials: Trials | None = None, more: Iterable[Blocks] = ()
+    ) -> None:
         """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked,
         whose motions are those of all nodes and tools, tied or not.
 
-        trials: what contacts are evaluated with in the place of their own.
+        trials: what contacts are evaluated with in the place of their own; more: what is no term's.
         """
         with self.timers("insertion"):
             self.matrix = self.couplings.suited(self.matrix, self.state)
@@ -146,6 +148,8 @@ class System:
                 with self.timers("bulk tangent" if blocks.forms else "insertion"):
                     insert(blocks, self.matrix, self.border)
                 self.foresight.linearised[term] = blocks.at
+        for blocks in more:
+            insert(blocks, self.matrix, self.border)
         with self.timers("insertion"):
             self.matrix.assemble()
             largest = self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)

@@ -1,58 +1,63 @@
 """Bodies that are too stiff, or too soft, since their cells are, which say nothing of it: strain that varies within cells.
 
-Degree 1.  A cell that bends has a shear of its own, and with displacement alone a change of volume, that the body has not;
+A cell of degree 1 that bends has a shear of its own, and with displacement alone a change of volume, that the body has not;
 with mixed elements a part of the volume's change costs nothing.  Two enhanced modes for each direction, zero at a cell's
-nodes, let it bend as it should (Taylor, Beresford & Wilson 1976, doi:10.1002/nme.1620100602): what its energy would be with
-them, all else being as it is, tells how far off a body is that is led.  A strip of 20 x 1 of square cells, 1 ... 4 across,
-K / mu = 5, is 1.17, 0.30, 0.077 too stiff, and this says 1.16, 0.30, 0.075; with mixed elements -0.31, -0.073, -0.018, and
--0.31, -0.078, -0.020; an arch of 4 x 48 cells, pressed at its crown, 0.09, 0.21, 0.74 at K / mu = 5, 12.75, 50 (0.08, 0.18,
-0.60), of one cell across, mixed, -0.10, -0.18, -0.22 (-0.13, -0.21, -0.25); a sphere of two layers under pressure 0.10,
-0.31, 1.12 at 10, 30, 100 (0.09, 0.31, 1.16), Cook's membrane of 16 cells 0.07, 0.16, 0.40 (0.05, 0.11, 0.24); a bonded strip
-is so by three times what this says.
+nodes, let it bend as it should (Taylor, Beresford & Wilson 1976, doi:10.1002/nme.1620100602).  Of degree 2 with displacement
+alone mixed cells of the same mesh leave out the energy of the part of J that their pressures do not see.
 
-Degree 2 of displacement alone.  Mixed cells of the same mesh leave out the energy of the part of J that their pressures do
-not see, v of all; the body gives way by more than that: an arch of 6 ... 24 cells along it and 1 across is 3 ... 28 % too
-stiff for v of 0.010 ... 0.053, the membrane 2.5 % for 0.007, a bonded strip 3 % for 0.005, a sphere 1 and 5 % for 0.02 and
-0.065.
+What energy falls by with that, where nodes stay, is a quadratic form in what varies within a cell, and so in the motions of
+its nodes: it comes with a force, and the tangent falls.  One solve with what is left of the tangent tells how the bodies
+give way.  With the energy W of a body, what it falls by, d, and the force r of that,
+
+    share = (d - r du / 2) / (W + W' du / 2),    stiffness as it should be / stiffness = 1 - share,
+
+where all is linear, whether supports, loads or other bodies lead it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fenics_contact import compat
+from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.finding import spot
+from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
 from fenics_contact.scene.statements import Body
 from fenics_contact.solid.materials import Isotropic
-from fenics_contact.types import Floats, Ints
+from fenics_contact.types import Constant, Floats, Function, Ints
 
 if TYPE_CHECKING:
     from fenics_contact.scene.scene import Scene
 
-LEAST = {1: 0.05, 2: 0.01}  # by degree: of a body's energy, from which share on it is told that a body is too stiff
-# Likewise of energy of strain that varies within mixed cells in space or about an axis: where sides are free, or hoops give
-# way, dofs themselves are far from where they should be, and nothing tells the sign. Beams of 4 x 2 x 1 cells, twice as long
-# as high, are 70 % too stiff, of 8 x 1 x 1 cubes 25 % too soft
-EITHER = 0.2
+LEAST = {1: 0.05, 2: 0.03}  # by degree: from which share on it is told that a body is too stiff
 SOFT = 0.1  # likewise that it is too soft: a mixed sphere of two layers has 0.08 and is right, for its mean strains are less
+# Of a body's energy, by degree, of strain that varies within cells, or of J that mixed cells do not see: with less no solve
+VARIES = {1: 0.01, 2: 0.002}
+NUDGE = 1e-4  # of a motion, over which energies are differenced
 INCOMPRESSIBLE = 10.0  # K / mu from which on cells of degree 2 should be mixed, too
 COUNTS = 0.01  # of the energy of all bodies: one with less may be as stiff as it likes
 MANY = 2_000_000  # values at once, of cells times their points times what varies there, which bounds memory
 
+# Motion (local) by which bodies give way, None where nothing tells: of what the tangent falls by, and of the force (local)
+# that comes with it, which is whole once all of that has been drawn. Collective
+Give = Callable[[Iterable[Blocks], Floats], Floats | None]
+
 
 class Stiffness(NamedTuple):
-    """Of a body, which share of its energy its cells have too much, negative where they have too little, and a note."""
+    """Of a body, which share of its stiffness its cells have too much, negative where they have too little, and a note."""
 
     share: float
     note: str
 
 
 class _Off(NamedTuple):
-    """Energy that cells have too much, and all [energy]; the most that one has, either way, and where that is."""
+    """Energies: what cells have too much where nodes stay, of strain that varies within them, and all; the most that one
+    has too much, either way, and where that is."""
 
     much: float
+    varying: float
     all: float
     most: float
     at: Floats
@@ -78,7 +83,7 @@ class _Cell(NamedTuple):
 
 class _Strained(NamedTuple):
     """Cells at their points: F (n, q, 3, 3), inverse jacobians (n, q, d, d), volumes (n, q), and the radius (n, q) of what
-    turns about an axis, else None."""
+    turns about an axis, else None; all as of what has swollen freely."""
 
     F: Floats
     inverse: Floats
@@ -86,22 +91,22 @@ class _Strained(NamedTuple):
     radius: Floats | None
 
     @classmethod
-    def of(cls, scene: "Scene", cell: _Cell, X: Floats, u: Floats) -> "_Strained":
-        """Of cells whose nodes X (n, m, 3) have moved by u (n, m, 3)."""
-        dim = cell.places.shape[1]
+    def of(cls, section: Section | None, cell: _Cell, at: tuple[Floats, Floats], swollen: Floats) -> "_Strained":
+        """Of cells whose nodes lie at X and have moved by u (n, m, 3); swollen (n, q): how much longer they are without
+        stress than in X, which is what strains are measured from."""
+        (X, u), dim = at, cell.places.shape[1]
         jacobian, moved = (cell.gradients @ values[:, None, :, :dim] for values in (X, u))
         inverse = np.linalg.inv(jacobian)
         F = np.zeros((*jacobian.shape[:2], 3, 3)) + np.eye(3)
         F[..., :dim, :dim] += (inverse @ moved).swapaxes(2, 3)
-        volume, section = np.abs(np.linalg.det(jacobian)) * cell.weights, scene.section
-        if section is None:
-            return cls(F, inverse, volume, None)
-        places = cell.basis @ X
-        volume = volume * section.depth(places)
-        if not section.axisymmetric:
-            return cls(F, inverse, volume, None)
-        F[..., 2, 2] += (cell.basis @ u[..., :1])[..., 0] / places[..., 0]
-        return cls(F, inverse, volume, places[..., 0])
+        volume, radius = np.abs(np.linalg.det(jacobian)) * cell.weights, None
+        if section is not None:
+            places = cell.basis @ X
+            volume = volume * section.depth(places)
+            if section.axisymmetric:
+                F[..., 2, 2] += (cell.basis @ u[..., :1])[..., 0] / places[..., 0]
+                radius = places[..., 0] * swollen
+        return cls(F / swollen[..., None, None], inverse / swollen[..., None, None], volume * swollen**3, radius)
 
     def varying(self, values: Floats) -> Floats:
         """Values (n, q, ...) without their mean over each cell, times the root of volumes."""
@@ -116,132 +121,208 @@ class _Strained(NamedTuple):
         return mean
 
 
-def stiffnesses(scene: "Scene", system: System, u: Floats) -> dict[str, Stiffness]:
-    """{body: its Stiffness} of those of quadrilaterals or hexahedra that are off by more than LEAST or SOFT says where dofs
-    have moved by u (local). Collective."""
+class _Part:
+    """A body's cells of this rank; swells: by which ratio of volumes, a number or, by nodes, a field."""
+
+    def __init__(self, scene: "Scene", system: System, body: Body, swells: Constant | Function | None) -> None:
+        space, tags = system.state.u.function_space, scene.mesh.cell_tags
+        owned = compat.cell_map(scene.mesh.domain).size_local
+        cells = tags.indices[(tags.values == scene.mesh.volume_tag(body.group)) & (tags.indices < owned)]
+        self.body, self._scene, self._X = body, scene, system.space.tabulate_dof_coordinates()
+        self._cell = _Cell.of(compat.cell_name(space.mesh), scene.degree, space.mesh.topology.dim)
+        self._nodes = compat.cell_dofs(space)[cells]
+        self._moduli = body.material.shear_modulus, body.material.bulk_modulus
+        self._swells = swells
+
+    def _strained(self, u: Floats, values: int) -> Iterator[tuple[Ints, _Strained]]:
+        """Nodes of some cells, and how they are strained where dofs have moved by so much (local), with so many values in
+        each cell's point."""
+        moved, many = u.reshape(-1, 3), max(MANY // (9 * len(self._cell.weights) * values), 1)
+        for first in range(0, len(self._nodes), many):
+            nodes = self._nodes[first : first + many]
+            at = self._X[nodes], moved[nodes]
+            yield nodes, _Strained.of(self._scene.section, self._cell, at, np.cbrt(self._swollen(nodes)))
+
+    def _swollen(self, nodes: Ints) -> Floats:
+        """Ratios (n, q) of volumes."""
+        if isinstance(self._swells, compat.Function):
+            ratios: Floats = self._swells.x.array[nodes] @ self._cell.basis.T
+            return ratios
+        return np.full((len(nodes), len(self._cell.weights)), 1.0 if self._swells is None else float(self._swells.value))
+
+    def energy(self, u: Floats) -> float:
+        """Of this rank's cells, as of a law that its moduli at rest tell all of."""
+        (mu, bulk), whole = self._moduli, 0.0
+        for _, strained in self._strained(u, 1):
+            J = np.linalg.det(strained.F)
+            dilatation = strained.mean(J)[:, None] if self._scene.element == "mixed" else J
+            shear = np.cbrt(J) ** -2 * (strained.F**2).sum(axis=(2, 3)) - 3.0
+            whole += float((strained.volume * (0.5 * mu * shear + 0.5 * bulk * (dilatation - 1.0) ** 2)).sum())
+        return whole
+
+    def off(self, u: Floats) -> _Off:
+        """Of this rank's cells."""
+        much, varying, most, at = 0.0, 0.0, -1.0, np.zeros(3)
+        for nodes, strained in self._strained(u, 1):
+            now, left = self._products(strained, self._varying(strained))
+            off = 0.5 * (now - left)[:, 0, 0]
+            much, varying = much + float(off.sum()), varying + 0.5 * float(now[:, 0, 0].sum())
+            if np.abs(off).max() > most:
+                most, at = float(np.abs(off).max()), self._X[nodes[np.abs(off).argmax()]].mean(axis=0)
+        return _Off(much, varying, self.energy(u), most, at)
+
+    def softer(self, u: Floats, force: Floats) -> Iterator[Blocks]:
+        """What the tangent falls by; adds to a local array the force that comes with it."""
+        for nodes, strained in self._strained(u, 3 * self._nodes.shape[1]):
+            now, left = self._products(strained, self._varying(strained, rates=True))
+            more = left - now
+            np.add.at(force.reshape(-1, 3), nodes, more[:, 1:, 0].reshape(*nodes.shape, 3))
+            yield Blocks(cells=(nodes, more[:, 1:, 1:]))
+
+    def _varying(self, strained: _Strained, rates: bool = False) -> Floats:
+        """What varies within cells (n, q, ..., 1 or 1 + dofs): Green strains, or of degree 2 J; with their rates."""
+        F, cell, degree = strained.F, self._cell, self._scene.degree
+        dim, gradients = cell.places.shape[1], strained.inverse @ cell.gradients
+        turned = np.linalg.det(F)[..., None, None] * np.linalg.inv(F).swapaxes(2, 3) if degree == 2 else F
+        green = 0.5 * (F.swapaxes(2, 3) @ F - np.eye(3))
+        columns = [np.linalg.det(F) if degree == 2 else green]
+        for node in range(cell.basis.shape[1] if rates else 0):
+            for axis in range(3):
+                rate = np.zeros_like(F)  # of F, on its row of this axis
+                if axis < dim:
+                    rate[..., axis, :dim] = gradients[..., node]
+                if axis == 0 and strained.radius is not None:
+                    rate[..., 2, 2] = cell.basis[:, node] / strained.radius
+                if degree == 2:
+                    columns.append((turned * rate).sum(axis=(2, 3)))
+                else:
+                    strain = F.swapaxes(2, 3) @ rate
+                    columns.append(0.5 * (strain + strain.swapaxes(2, 3)))
+        return np.stack([strained.varying(values) for values in columns], axis=-1)
+
+    def _products(self, strained: _Strained, columns: Floats) -> tuple[Floats, Floats]:
+        """Twice the energies (n, c, c) of columns with one another, as cells have them, and as they should."""
+        if self._scene.degree == 2:
+            return _seen(self._cell, strained, columns, self._moduli[1])
+        return _bending(self._cell, strained, columns, self._moduli, self._scene.element == "mixed")
+
+
+def stiffnesses(scene: "Scene", system: System, u: Floats, give: Give) -> dict[str, Stiffness]:
+    """{body: its Stiffness} of those of quadrilaterals or hexahedra that are off by more than LEAST says where dofs have
+    moved by u (local); give: see Give. Collective."""
     if compat.cell_name(scene.mesh.domain) in ("triangle", "tetrahedron") or (scene.degree, scene.element) == (2, "mixed"):
         return {}
-    owned, tags, found = compat.cell_map(scene.mesh.domain).size_local, scene.mesh.cell_tags, list[_Off]()
-    for body in scene.bodies:
-        cells = tags.indices[(tags.values == scene.mesh.volume_tag(body.group)) & (tags.indices < owned)]
-        found.append(_sum(system.comm.allgather(_off(scene, system, body, (cells, u)))))
-    counts = COUNTS * sum(off.all for off in found)
-    soft, least = (SOFT, LEAST[scene.degree]) if _signed(scene) else (0.0, EITHER)
-    return {
-        body.group: Stiffness(off.much / off.all, _note(scene, body, off))
-        for body, off in zip(scene.bodies, found, strict=True)
-        if off.all > counts and not -soft * off.all <= off.much <= least * off.all
-    }
+    swell = [law.swelling and law.swelling[0] for law in system.terms[0].laws]
+    parts = [_Part(scene, system, *of) for of in zip(scene.bodies, swell, strict=True)]
+    found = [_sum(system.comm.allgather(part.off(u))) for part in parts]
+    counts, varies = COUNTS * sum(off.all for off in found), VARIES[scene.degree]
+    if not any(off.all > counts and off.varying > varies * off.all for off in found):
+        return {}
+    forces, total = [np.zeros_like(u) for _ in parts], np.zeros_like(u)
+
+    def softer() -> Iterator[Blocks]:
+        for part, force in zip(parts, forces, strict=True):
+            yield from part.softer(u, force)
+            total[:] += force
+
+    du, out = give(softer(), total), dict[str, Stiffness]()
+    for part, off, force in zip(parts, found, forces, strict=True):
+        if not off.all > counts:
+            continue
+        share = _share(system, part, off, u, (force, du))
+        if not -SOFT <= share <= LEAST[scene.degree]:
+            out[part.body.group] = Stiffness(share, _note(scene, part.body, off, share))
+    return out
 
 
 def _sum(parts: Sequence[_Off]) -> _Off:
     """Of all processes."""
     worst = max(parts, key=lambda part: part.most)
-    return _Off(sum(part.much for part in parts), sum(part.all for part in parts), worst.most, worst.at)
+    much, varying, whole = (sum(values) for values in zip(*(part[:3] for part in parts), strict=True))
+    return _Off(much, varying, whole, worst.most, worst.at)
 
 
-def _signed(scene: "Scene") -> bool:
-    """Whether it is known which way bodies are off: not of mixed cells in space or about an axis, see EITHER."""
-    return bool(scene.element != "mixed" or (scene.section and not scene.section.axisymmetric))
+def _share(system: System, part: _Part, off: _Off, u: Floats, led: tuple[Floats, Floats | None]) -> float:
+    """Of a body's stiffness, what its cells have too much; led: by a force on its nodes these give way so. Collective."""
+    force, du = led
+    if du is not None:
+        rate = 0.5 * (part.energy(u + NUDGE * du) - part.energy(u - NUDGE * du)) / NUDGE
+        work, rate = system.comm.allreduce(np.array([force @ du, rate]))
+        if (share := (off.much - 0.5 * work) / (off.all + 0.5 * rate)) < 1.0 and off.all + 0.5 * rate > 0.0:
+            return float(share)
+    return off.much / off.all
 
 
-def _note(scene: "Scene", body: Body, off: _Off) -> str:
+def _note(scene: "Scene", body: Body, off: _Off, share: float) -> str:
     """How far off a body is, and what to do."""
-    share, ratio = off.much / off.all, body.material.bulk_modulus / body.material.shear_modulus
-    split, place = isinstance(body.material, Isotropic) and body.material.volumetric is not None, spot(off.at)
+    ratio = body.material.bulk_modulus / body.material.shear_modulus
+    split = isinstance(body.material, Isotropic) and body.material.volumetric is not None
+    way, more = "stiff" if share > 0.0 else "soft", " or more" if share > 0.0 and scene.degree == 1 else ""
+    cells = f"cells of degree {scene.degree}" + (" with displacement alone" if scene.degree == 2 else "")
+    off_by = f"body '{body.group}': {cells} make it too {way} by about {abs(share / (1.0 - share)):.0%}{more}"
+    off_by += f", most at {spot(off.at)}"
     if scene.degree == 2:
-        return (
-            f"body '{body.group}', K / mu = {ratio:.3g}: {share:.1%} of its energy is that of volumes that change within "
-            f"cells, most at {place}: cells of displacement alone lock, and it is too stiff by as much, or up to six times "
-            f"that; take {'element=' + repr('mixed') if split else 'finer cells'}"
-        )
-    if not _signed(scene):
-        return (
-            f"body '{body.group}': {share:.0%} of its energy is that of strain that varies within cells, most at {place}, "
-            "as where it bends across few of them: mixed cells of degree 1 may be off by as much, too stiff where they are "
-            "longer than high, too soft where not; take degree=2, or cells of half the size"
-        )
+        return f"{off_by}, where they lock: take {'element=' + repr('mixed') if split else 'cells of half the size'}"
     mixed = " and element='mixed'" if ratio > INCOMPRESSIBLE and split and scene.element != "mixed" else ""
-    way, more = ("stiff", " or more") if share > 0.0 else ("soft", "")
-    return (
-        f"body '{body.group}': cells of degree 1 make it too {way} by about {abs(share / (1.0 - share)):.0%}{more}, most "
-        f"at {place}, as where it bends across few of them{' or locks' if mixed else ''}: take degree=2{mixed}, or cells of "
-        "half the size"
-    )
+    where = f"as where it bends across few of them{' or locks' if mixed else ''}"
+    return f"{off_by}, {where}: take degree=2{mixed}, or cells of half the size"
 
 
-def _off(scene: "Scene", system: System, body: Body, moved: tuple[Ints, Floats]) -> _Off:
-    """Of these cells, where dofs have moved by so much."""
-    cells, u = moved
-    space, X = system.state.u.function_space, system.space.tabulate_dof_coordinates()
-    cell = _Cell.of(compat.cell_name(space.mesh), scene.degree, space.mesh.topology.dim)
-    nodes_moved, mixed = u.reshape(-1, space.dofmap.index_map_bs), bool(scene.element == "mixed")
-    mu, bulk = body.material.shear_modulus, body.material.bulk_modulus
-    much, whole, most, at = 0.0, 0.0, -1.0, np.zeros(3)
-    dofs, many = compat.cell_dofs(space)[cells], max(MANY // (9 * cell.basis.size), 1)
-    for first in range(0, len(cells), many):
-        nodes = dofs[first : first + many]
-        strained = _Strained.of(scene, cell, X[nodes], nodes_moved[nodes])
-        J = np.linalg.det(strained.F)
-        dilatation = np.broadcast_to(strained.mean(J)[:, None], J.shape) if mixed else J
-        shear = np.cbrt(J) ** -2 * (strained.F**2).sum(axis=(2, 3)) - 3.0
-        whole += float((strained.volume * (0.5 * mu * shear + 0.5 * bulk * (dilatation - 1.0) ** 2)).sum())
-        off = _unseen(cell, strained, bulk) if scene.degree == 2 else _bending(cell, strained, (mu, bulk), scene)
-        much += float(off.sum())
-        if np.abs(off).max() > most:
-            most, at = float(np.abs(off).max()), X[nodes[np.abs(off).argmax()]].mean(axis=0)
-    return _Off(much, whole, most, at)
+def _seen(cell: _Cell, strained: _Strained, columns: Floats, bulk: float) -> tuple[Floats, Floats]:
+    """Of columns (n, q, c) of J, products (n, c, c) of what is not linear in each cell, as its energy has them, and none."""
+    root: Floats = np.sqrt(strained.volume)[..., None]
+    left = columns - _within(root * np.column_stack([np.ones_like(cell.weights), cell.places]), columns)
+    now: Floats = bulk * left.swapaxes(1, 2) @ left
+    return now, np.zeros_like(now)
 
 
-def _unseen(cell: _Cell, strained: _Strained, bulk: float) -> Floats:
-    """Energies (n,) of that part of J in each cell which is not linear."""
-    linear: Floats = np.column_stack([np.ones_like(cell.weights), cell.places])
-    root: Floats = np.sqrt(strained.volume)
-    left = _without(root[..., None] * linear, root * np.linalg.det(strained.F))
-    energies: Floats = 0.5 * bulk * (left**2).sum(axis=1)
-    return energies
-
-
-def _without(basis: Floats, values: Floats) -> Floats:
-    """What of values (n, q) no sum of a basis (n, q, m) is."""
+def _within(basis: Floats, values: Floats) -> Floats:
+    """What of values (n, q, c) sums of a basis (n, q, m) are."""
     across = basis.swapaxes(1, 2)
-    left: Floats = values - (basis @ np.linalg.solve(across @ basis, across @ values[..., None]))[..., 0]
-    return left
+    within: Floats = basis @ np.linalg.solve(across @ basis, across @ values)
+    return within
 
 
-def _bending(cell: _Cell, strained: _Strained, moduli: tuple[float, float], scene: "Scene") -> Floats:
-    """By how much the energy (n,) of Green strains that vary within each cell falls where enhanced modes let them, or all of
-    it where no sign is known; small strains beside those of the cell as a whole. A change of volume that no mode can take
-    costs nothing then."""
-    (mu, bulk), (n, q), dim = moduli, strained.volume.shape, cell.places.shape[1]
-    slopes = 1.0 - 2.0 * cell.places  # of a bubble x (1 - x) along each direction of the cell
+def _modes(cell: _Cell, strained: _Strained) -> Floats:
+    """Strains (n, q, 3, 3, m) of enhanced modes that vary within each cell, small beside those of the cell as a whole."""
+    (n, q), dim = strained.volume.shape, cell.places.shape[1]
     whole, modes = strained.mean(strained.F), []
-    for i in range(dim):
+    for i, slope in enumerate((1.0 - 2.0 * cell.places).T):  # of a bubble x (1 - x) along each direction of the cell
         gradient = np.zeros((n, q, 1, 3))
-        gradient[..., 0, :dim] = strained.inverse[..., i] * slopes[:, i, None]
+        gradient[..., 0, :dim] = strained.inverse[..., i] * slope[:, None]
         for axis in range(dim):
             H = whole[:, None, axis, :, None] * gradient
             if strained.radius is not None and axis == 0:
                 H[..., 2, 2] = whole[:, None, 2, 2] * (cell.places[:, i] * (1.0 - cell.places[:, i])) / strained.radius
             modes.append(strained.varying(0.5 * (H + H.swapaxes(2, 3))))
-    green = strained.varying(0.5 * (strained.F.swapaxes(2, 3) @ strained.F - np.eye(3)))
-    trace, traces = np.trace(green, axis1=2, axis2=3), np.stack([np.trace(mode, axis1=2, axis2=3) for mode in modes], axis=2)
-    strains, flat = np.stack(modes, axis=4).reshape(n, 9 * q, -1), green.reshape(n, 9 * q, 1)
+    return np.stack(modes, axis=-1)
+
+
+def _bending(
+    cell: _Cell, strained: _Strained, columns: Floats, moduli: tuple[float, float], mixed: bool
+) -> tuple[Floats, Floats]:
+    """Of columns (n, q, 3, 3, c) of Green strains that vary within each cell, products (n, c, c) as its energy has them, and
+    where enhanced modes take what they can of it. A change of volume that no mode can take costs nothing then."""
+    (mu, bulk), (n, q) = moduli, strained.volume.shape
+    flat, modes = (
+        (values.reshape(n, 9 * q, -1), np.trace(values, axis1=2, axis2=3)) for values in (columns, _modes(cell, strained))
+    )
+    (strains, traces), (modes_, of_modes) = flat, modes
     lame = bulk - 2.0 * mu / 3.0
 
     def product(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
         value: Floats = 2.0 * mu * a.swapaxes(1, 2) @ b + lame * c.swapaxes(1, 2) @ d
         return value
 
-    found = np.linalg.solve(product(strains, strains, traces, traces), product(strains, flat, traces, trace[..., None]))
-    bent, dilated = (flat - strains @ found)[..., 0], trace - (traces @ found)[..., 0]
-    reached = dilated - _without(strained.varying(np.broadcast_to(slopes, (n, *slopes.shape))), dilated)
+    found = np.linalg.solve(product(modes_, modes_, of_modes, of_modes), product(modes_, strains, of_modes, traces))
+    bent, dilated = strains - modes_ @ found, traces - of_modes @ found
+    slopes = 1.0 - 2.0 * cell.places
+    reached = _within(strained.varying(np.broadcast_to(slopes, (n, *slopes.shape))), dilated)
 
-    def energy(strain: Floats, dilatation: Floats, change: Floats) -> Floats:
-        """change (n, q): of the volume, that which costs something."""
-        shear = (strain**2).sum(axis=1) - (dilatation**2).sum(axis=1) / 3.0
-        energies: Floats = mu * shear + 0.5 * bulk * (change**2).sum(axis=1)
-        return energies
+    def energies(strain: Floats, dilatation: Floats, change: Floats) -> Floats:
+        """change (n, q, c): of the volume, that which costs something."""
+        shear = strain.swapaxes(1, 2) @ strain - dilatation.swapaxes(1, 2) @ dilatation / 3.0
+        value: Floats = 2.0 * mu * shear + bulk * change.swapaxes(1, 2) @ change
+        return value
 
-    now = energy(flat[..., 0], trace, np.zeros_like(trace) if scene.element == "mixed" else trace)
-    return now - energy(bent, dilated, reached) if _signed(scene) else now
+    return energies(strains, traces, np.zeros_like(traces) if mixed else traces), energies(bent, dilated, reached)

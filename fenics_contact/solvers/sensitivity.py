@@ -122,14 +122,14 @@ def _rates(
         system.assemble_residual()
         system.assemble_tangent()
     try:
-        return [(_local(system, du), dq) for du, dq in linear.solve_sides(sides, tolerance)]
+        return [(local(system, du), dq) for du, dq in linear.solve_sides(sides, tolerance)]
     except LinearFailure:
         return None
     finally:
         system.assemble_residual()
 
 
-def _local(system: System, du: Vec) -> Floats:
+def local(system: System, du: Vec) -> Floats:
     """An increment of this rank's dofs, ghosts included."""
     copy = system.new_vector()
     du.copy(copy)

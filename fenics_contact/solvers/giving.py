@@ -1,0 +1,76 @@
+"""How bodies give way where their cells are less stiff than the tangent: one solve in a state that has been accepted."""
+
+from collections.abc import Iterable
+from contextlib import nullcontext
+from itertools import chain
+
+import numpy as np
+
+from fenics_contact.assembly.blocks import Blocks
+from fenics_contact.assembly.contact_term import Trials
+from fenics_contact.assembly.exchange import sum_to_owners
+from fenics_contact.assembly.holds import ALLOWED
+from fenics_contact.assembly.system import System
+from fenics_contact.solvers.linear import LinearFailure, LinearSolver
+from fenics_contact.solvers.penalty_error import stiffer
+from fenics_contact.solvers.sensitivity import LINEAR, local
+from fenics_contact.types import Floats, Vec
+
+HELD = 1e6  # of the largest stiffness: that of what is held without a support
+
+
+def gives(system: System, linear: LinearSolver, u: Floats, softer: Iterable[Blocks], force: Floats) -> Floats | None:
+    """Motion (local) of the dofs, that have moved by u (local), as the tangent falls by `softer` and the force (local) comes
+    in, whole once that is drawn; None where the tangent is singular.
+
+    In the state itself contacts go on as they are; in an earlier one all nodes stay on which loads or contacts acted.
+    Collective.
+    """
+    state, own = system.state, system.state.u.x.array.copy()
+    here = all(system.comm.allgather(bool(np.array_equal(u, own))))
+    with system.foresight.as_accepted(), system.grounding.faint() if system.grounding else nullcontext():
+        try:
+            if here:
+                trials: Trials = {term: stiffer(system)(term, 0.0) for term in system.contacts}
+                with system.foresight.trying(trials):
+                    system.assemble_residual()
+                    system.assemble_tangent(more=softer)
+            else:
+                state.u.x.array[:] = u
+                system.assemble_tangent(system.terms[:1], more=chain(softer, _holding(system)))
+            ((du, _),) = linear.solve_sides([(*_led(system, force), *system.still())], LINEAR)
+            return local(system, du)
+        except LinearFailure:
+            return None
+        finally:
+            state.u.x.array[:] = own
+            system.assemble_residual()
+
+
+def _led(system: System, force: Floats) -> tuple[Vec, Floats]:
+    """What the residual and the tools' one grow by with forces (local) on the nodes. Collective."""
+    wrenches, residual, supports = np.zeros_like(system.tool_residual), _summed(system, force), system.supports
+    with residual.localForm() as ghosted:
+        supports.ties.add_wrenches(system.state.poses, system.state.q, ghosted.array_r, wrenches)
+        supports.put_forces(ghosted.array_w, 0.0)
+    return residual, system.comm.allreduce(wrenches)
+
+
+def _summed(system: System, forces: Floats) -> Vec:
+    """Of all processes. Collective."""
+    vector = system.new_vector()
+    with vector.localForm() as ghosted:
+        ghosted.array_w[:] = forces
+    sum_to_owners(vector)
+    return vector
+
+
+def _holding(system: System) -> Iterable[Blocks]:
+    """Stiffness that holds the tools, and the nodes on which the solid is out of balance."""
+    forces, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
+    system.terms[0].add_residual(system.state, forces, wrenches)
+    sizes = np.linalg.norm(_summed(system, forces).array_r.reshape(-1, 3), axis=1)
+    nodes, stiffness = np.flatnonzero(sizes > ALLOWED * system.scales.largest), HELD * system.scales.stiffness
+    blocks = np.broadcast_to(stiffness * np.eye(3), (len(nodes), 3, 3))
+    free = np.full(wrenches.size, stiffness) if wrenches.size and system.comm.rank == 0 else None
+    yield Blocks(pairs=(nodes, nodes, blocks), whole=False, free=free)
