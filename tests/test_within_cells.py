@@ -217,8 +217,7 @@ def test_cells_that_are_fine_enough_are_not_told():
 
 @pytest.mark.parametrize("cells", [2, 4, 8])
 def test_what_swells_between_bonds_and_locks_is_told_and_what_swells_freely_is_not(cells):
-    """Strains count from where a body has none, whether it swells by a number or by a field; of what locks where it is bonded
-    the most."""
+    """Strains count from where a body has none, whether it swells by a number or by a field."""
 
     def swollen(cells, ratio, degree=1, element="displacement", bonded=True):
         mesh = read_gmsh(rectangles.build, rectangles={"block": ((0.0, 0.0), (2.0, 1.0), (2 * cells, cells))})
