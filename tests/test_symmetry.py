@@ -260,3 +260,13 @@ def test_a_load_across_the_axis_of_a_sector_is_told(along):
     scene.traction("zmax", lambda X, t: 0.01 * t * X * [1.0, 1.0, 0.0])  # away from the axis
     notes = notes_of(solve(scene, steps=1).require(), "acts across the axis")
     assert [note.startswith("body force acts") for note in notes] == [True] * (not along), notes
+
+
+def test_a_face_that_a_stage_pulls_out_is_no_plane_of_symmetry():
+    """Held along its normal in the scene, moved along it by a stage."""
+    mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (9.0, 1.0), (18, 2))})
+    scene = Scene(Body(mesh, "strip", neo_hooke(1.0, 20.0)), plane="strain")
+    scene.fix("strip_xmax", "x")
+    scene.fix("strip_xmin")
+    result = solve(scene, stages=[Stage("pull", prescribe={("strip_xmax", "x"): 0.9}, steps=4)]).require()
+    assert not notes_of(result, "beyond the plane of 'strip_xmax'")

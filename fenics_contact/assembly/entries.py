@@ -11,7 +11,7 @@ from fenics_contact.types import Array, Floats, Ints, Ints64
 class Prescribed(Protocol):
     """Displacements [length] of an entry's nodes (n,) at t; few: what its stage states at t, the same on all ranks, of a
     function at a few points; jump: the largest step [length] that it makes on this rank at the very start of the stage;
-    begin, said: see Entries."""
+    begin, said: see Entries; led: whether a stage moves them (collective)."""
 
     def __call__(self, t: float) -> Floats: ...
 
@@ -22,6 +22,8 @@ class Prescribed(Protocol):
     def begin(self, origin: Floats, before: Sequence[float]) -> None: ...
 
     def said(self) -> list[float]: ...
+
+    def led(self) -> bool: ...
 
 
 class Carried(NamedTuple):

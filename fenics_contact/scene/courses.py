@@ -94,6 +94,10 @@ class SupportCourse(Course):
 
     of_all_ranks = False
 
+    def led(self) -> bool:
+        """Whether a stage moves them. Collective."""
+        return any(np.any(sample(part.way, s)) for part in self._named.values() for s in (0.25, 0.5, 1.0))
+
     def few(self, t: float) -> Floats:
         """What the stage that is on states: a number's share at t, a function's values at a few nodes. Collective."""
         part = self._parts.get(self._stages.index)

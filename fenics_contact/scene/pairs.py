@@ -244,6 +244,9 @@ class _Shifted:
     def said(self) -> list[float]:
         return self._course.said()
 
+    def led(self) -> bool:
+        return self._course.led()
+
 
 def _united(parts: Sequence[_Nodes]) -> _Nodes:
     keys = np.concatenate([part.keys for part in parts])

@@ -132,7 +132,7 @@ class _Part:
         self._cell = _Cell.of(compat.cell_name(space.mesh), scene.degree, space.mesh.topology.dim)
         self._nodes = compat.cell_dofs(space)[cells]
         self._moduli = body.material.shear_modulus, body.material.bulk_modulus
-        self._swells = swells
+        self._swells, self.mixed = swells, scene.element == "mixed"
 
     def _strained(self, u: Floats, values: int) -> Iterator[tuple[Ints, _Strained]]:
         """Nodes of some cells, and how they are strained where dofs have moved by so much (local), with so many values in
@@ -155,7 +155,7 @@ class _Part:
         (mu, bulk), whole = self._moduli, 0.0
         for _, strained in self._strained(u, 1):
             J = np.linalg.det(strained.F)
-            dilatation = strained.mean(J)[:, None] if self._scene.element == "mixed" else J
+            dilatation = strained.mean(J)[:, None] if self.mixed else J
             shear = np.cbrt(J) ** -2 * (strained.F**2).sum(axis=(2, 3)) - 3.0
             whole += float((strained.volume * (0.5 * mu * shear + 0.5 * bulk * (dilatation - 1.0) ** 2)).sum())
         return whole
@@ -204,7 +204,7 @@ class _Part:
         """Twice the energies (n, c, c) of columns with one another, as cells have them, and as they should."""
         if self._scene.degree == 2:
             return _seen(self._cell, strained, columns, self._moduli[1])
-        return _bending(self._cell, strained, columns, self._moduli, self._scene.element == "mixed")
+        return _bending(self._cell, strained, columns, self._moduli, self.mixed)
 
 
 def stiffnesses(scene: "Scene", system: System, u: Floats, give: Give) -> dict[str, Stiffness]:
@@ -243,14 +243,16 @@ def _sum(parts: Sequence[_Off]) -> _Off:
 
 
 def _share(system: System, part: _Part, off: _Off, u: Floats, led: tuple[Floats, Floats | None]) -> float:
-    """Of a body's stiffness, what its cells have too much; led: by a force on its nodes these give way so. Collective."""
+    """Of a body's stiffness, what its cells have too much; led: by a force on its nodes these give way so. Where that does
+    not tell, as what is left is unstable, what is known without; of mixed cells nothing is. Collective."""
     force, du = led
     if du is not None:
         rate = 0.5 * (part.energy(u + NUDGE * du) - part.energy(u - NUDGE * du)) / NUDGE
         work, rate = system.comm.allreduce(np.array([force @ du, rate]))
-        if (share := (off.much - 0.5 * work) / (off.all + 0.5 * rate)) < 1.0 and off.all + 0.5 * rate > 0.0:
-            return float(share)
-    return off.much / off.all
+        too_much, left = off.much - 0.5 * work, off.all + 0.5 * rate
+        if work <= 0.0 and too_much < left:
+            return float(too_much / left)
+    return 0.0 if part.mixed else off.much / off.all
 
 
 def _note(scene: "Scene", body: Body, off: _Off, share: float) -> str:
