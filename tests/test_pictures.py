@@ -179,7 +179,7 @@ def test_what_only_round_off_presses_touches_nothing(away):
 
 
 def test_mirrors_double_the_model(punched):
-    planes = symmetry_planes(punched.scene, punched.system.supports)
+    planes = symmetry_planes(punched.scene, punched.system)
     assert planes == {0: pytest.approx(0.0), 1: pytest.approx(0.0)}
     once, twice, four = (punched.drawing("displacement_z", mirror=mirror) for mirror in ("", "x", "xy"))
     refused("planes normal to x, y", lambda: punched.drawing(mirror="z"))

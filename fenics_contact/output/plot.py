@@ -38,7 +38,7 @@ def drawing(
     a mirror where no symmetry is.
     """
     scene, system = fields.scene, fields.system
-    planes = symmetry_planes(scene, system.supports)
+    planes = symmetry_planes(scene, system)
     _refuse(mirror, view, planes)
     seen = look(fields, field or ("contact_pressure" if scene.contacts else "displacement"))
     body, least = skin(fields, seen), fields.least_pressure()

@@ -9,7 +9,7 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.pose import Pose
 from fenics_contact.assembly.size import bodies_size
-from fenics_contact.assembly.supports import Supports
+from fenics_contact.assembly.system import System
 from fenics_contact.output.fields import Fields
 from fenics_contact.output.grid import bodies_of_cells
 from fenics_contact.output.names import plain_name
@@ -314,13 +314,13 @@ def quarters(corners: Floats) -> Floats:
 
 
 # -- symmetry -------------------------------------------------------------------------------------------------------------
-def symmetry_planes(scene: Scene, supports: Supports) -> dict[int, float]:
+def symmetry_planes(scene: Scene, system: System) -> dict[int, float]:
     """{axis: place [length]} of the planes that supports make planes of symmetry: flat ends of the bodies, held along
     their normal alone in all stages. Of two along one axis the one nearer to the origin. Collective."""
     planes = dict[int, float]()
     if scene.section is not None and scene.section.axisymmetric:
         planes[0] = 0.0
-    for plane in planes_of(scene, supports):
+    for plane in planes_of(scene, system.supports):
         if abs(plane.place) <= abs(planes.get(plane.axis, np.inf)):
             planes[plane.axis] = plane.place
     return planes
