@@ -20,7 +20,6 @@ from fenics_contact import (
 )
 from fenics_contact.meshes import rectangles, two_blocks
 
-pytestmark = pytest.mark.parallel
 FRICTION = 0.3
 
 
@@ -59,6 +58,7 @@ CASES = {
 }
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 @pytest.mark.parametrize("steps", [4, 8])
 def test_what_comes_under_a_sliding_block_rubs_in_the_same_step(steps, case):
@@ -69,6 +69,7 @@ def test_what_comes_under_a_sliding_block_rubs_in_the_same_step(steps, case):
     np.testing.assert_allclose(np.abs(rubs / presses)[sliding], FRICTION, rtol=0.01)
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 def test_the_way_through_the_air_is_no_slip(slave):
     """A block that falls straight on a pad within one step, from however far beyond what is searched, presses alike."""
@@ -122,7 +123,11 @@ def let_down(gap, aside, steps, slave="upper", tool=False, **method):
 @pytest.mark.parametrize("steps", [1, 3, 10])
 @pytest.mark.parametrize("gap", [0.7, 5.0])
 @pytest.mark.parametrize("aside", [0.2, 0.6])
-@pytest.mark.parametrize("how", [{"tool": True}, {"slave": "upper"}, {"slave": "lower"}], ids=["tool", "upper", "lower"])
+@pytest.mark.parametrize(
+    "how",
+    [{"tool": True}, pytest.param({"slave": "upper"}, marks=pytest.mark.parallel), {"slave": "lower"}],
+    ids=["tool", "upper", "lower"],
+)
 def test_a_block_let_down_obliquely_has_the_friction_of_its_way_since_it_touched(how, aside, gap, steps):
     """That of a block drawn where it touches, and led on as far, in small steps; it sticks or slides by then."""
     load, rubs, _ = let_down(0.0, aside, 40, **how)
@@ -133,6 +138,7 @@ def test_a_block_let_down_obliquely_has_the_friction_of_its_way_since_it_touched
     assert result.verdict.iterations <= 4 * (steps + 4) and not came_in(result)
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("tool", [True, False])
 def test_a_step_that_may_not_be_cut_has_a_note_by_how_much_it_is_off(tool):
     load, rubs, _ = let_down(0.0, 0.2, 40, tool=tool)
@@ -141,6 +147,7 @@ def test_a_step_that_may_not_be_cut_has_a_note_by_how_much_it_is_off(tool):
     assert share > 0.5 * (friction / found - rubs / load) > 0.05 and not result.verdict.cuts
 
 
+@pytest.mark.parallel
 def test_what_is_let_down_straight_is_not_cut_back():
     assert let_down(5.0, 0.0, 1)[2].verdict.cuts == 0
     assert let_down(5.0, 0.0, 1, tool=True)[2].verdict.cuts == 0
@@ -169,12 +176,14 @@ def half_let_down(weight=0.0, bent=0.0, spring=0.0, tied=False, element=None):
     return solve(scene, stages=[*stages, Stage("down", **down)]).require().verdict.cuts
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("how", [{}, {"weight": 0.02}, {"tied": True}, {"element": "mixed"}])
 def test_what_is_led_straight_is_not_cut_back_where_friction_does_not_cancel(how):
     """Under a load that stays as it is, too."""
     assert not half_let_down(**how)
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("how", [{"bent": 0.1}, {"spring": 0.5}])
 def test_what_does_not_simply_go_where_it_is_led_may_go_aside(how):
     assert half_let_down(**how)
@@ -200,6 +209,7 @@ def twisted(gap, turn, steps):
     return last["c_load_N"], abs(last["c_moment_z_Nmm"])
 
 
+@pytest.mark.parallel
 def test_a_block_let_down_with_a_twist_has_the_torque_of_its_turn_since_it_touched():
     load, torque = twisted(3.8, 0.4, 64)
     for steps in (1, 3):
@@ -223,6 +233,7 @@ def wedged(half, steps):
     return np.array([last["c_force_y_N"], last["c_friction_y_N"]]) * (1 + half)
 
 
+@pytest.mark.parallel
 def test_a_wedge_that_is_led_straight_into_a_groove_comes_aside_on_either_flank():
     fine = wedged(True, 200)
     for half in (False, True):
@@ -230,6 +241,7 @@ def test_a_wedge_that_is_led_straight_into_a_groove_comes_aside_on_either_flank(
             np.testing.assert_allclose(wedged(half, steps), fine, atol=0.02 * abs(fine[0]))  # was 2.4 times the force
 
 
+@pytest.mark.parallel
 def test_what_loads_lead_on_springs_has_the_friction_of_its_way_since_it_touched():
     """It is led aside by 0.75 and touches at 0.8 of the load: 0.4 of it, over which its springs give way by 0.15 more."""
     found = []
@@ -259,6 +271,7 @@ def hung(driven, steps, held="support"):
     return last["c_load_N"], abs(last["c_friction_x_N"]), result
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("driven", ["weight", "swelling"])
 def test_what_loads_lead_from_a_support_has_the_friction_of_its_way_since_it_touched(driven):
     """To 2 % of the load, and what points have that come in later, beside others that press: 0.2 % in one step."""
@@ -272,6 +285,7 @@ def test_what_loads_lead_from_a_support_has_the_friction_of_its_way_since_it_tou
     np.testing.assert_allclose([held, friction], [found, rubs], rtol=2e-3)
 
 
+@pytest.mark.parallel
 def test_a_tool_that_slides_on_to_new_nodes_does_not_touch_first():
     mesh = read_gmsh(rectangles.build, rectangles={"pad": ((0.0, -2.0), (16.0, 2.0), (16, 2))})
     scene = Scene(Body(mesh, "pad", neo_hooke(0.5, 2.0)), plane="strain")
@@ -300,6 +314,7 @@ def wheel(degrees, free):
     return result.column("c_friction_x_N")[-1] / result.column("c_load_N")[-1], result.column("hub_angle_z_rad")[-1], result
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("free", [True, False])
 def test_a_wheel_that_rolls_in_long_steps_is_told(free):
     """Its new nodes stick, and what they went aside in the air counts: 6 % of the load drives it, or it turns too far."""

@@ -9,8 +9,6 @@ from drawn import ring
 from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve, user_energy
 from fenics_contact.meshes import box, rectangles, ring_sector, sphere_shell
 
-pytestmark = pytest.mark.parallel
-
 
 def told(result):
     """By how much notes say that bodies are too stiff, or too soft: negative."""
@@ -53,6 +51,7 @@ def test_mixed_cells_beyond_all_compression_are_too_soft_by_the_closed_form():
         assert force / led_aside((40, 2), 2, "mixed", ratio=500.0)[0] == pytest.approx(form, rel=3e-3)
 
 
+@pytest.mark.parallel
 def test_what_has_gone_back_is_told_with_the_stage_that_bent_it():
     _, result = led_aside((20, 1), back=True)
     (note,) = [note for note in result.verdict.notes if "too stiff by about" in note]  # noqa: UP027
@@ -125,6 +124,7 @@ def test_what_bends_in_space_is_told_with_its_sign_whether_it_is_led_or_loaded(c
     assert loaded == pytest.approx(found, rel=0.1)
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("element", ["mixed", "displacement"])
 def test_what_has_gone_back_in_space_is_told_as_what_has_not(element):
     assert bent((8, 1, 1), 1, element, back=True)[1] == bent((8, 1, 1), 1, element)[1]
@@ -140,6 +140,7 @@ def squeezed(cells, ratio, axis, degree=1, element="displacement", width=1.0):
     return result.column(f"block_ymax_reaction_{axis}_N")[-1], told(result)
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize(
     ("cells", "ratio", "axis", "width"),
     [(4, 40.0, "y", 1), (4, 90.0, "y", 1), (8, 90.0, "y", 1), (2, 40.0, "y", 4), (4, 90.0, "x", 1), (8, 90.0, "x", 1)],
@@ -151,6 +152,7 @@ def test_what_is_bonded_on_both_sides_and_locks_is_told(cells, ratio, axis, widt
     assert 0.6 * off < found < 1.1 * off
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize(("cells", "ratio", "axis", "width"), [(2, 40.0, "y", 1), (2, 90.0, "y", 4), (2, 90.0, "x", 1)])
 def test_of_degree_2_too(cells, ratio, axis, width):
     force, (found,) = squeezed(cells, ratio, axis, 2, width=width)
@@ -215,6 +217,7 @@ def test_cells_that_are_fine_enough_are_not_told():
         assert not told(result) and load / exact - 1.0 < 0.03
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("cells", [2, 4, 8])
 def test_what_swells_between_bonds_and_locks_is_told_and_what_swells_freely_is_not(cells):
     """Strains count from where a body has none, whether it swells by a number or by a field."""
@@ -253,6 +256,7 @@ def inflated(axisymmetric, element, ratio=30.0, degree=1):
     return result.column("way")[-1], result
 
 
+@pytest.mark.parallel
 @pytest.mark.parametrize("axisymmetric", [False, True])
 def test_a_thick_sphere_under_pressure_locks_by_about_what_it_says(axisymmetric):
     exact, none = inflated(axisymmetric, "mixed")  # with the chords of these cells
