@@ -44,11 +44,14 @@ class Costs:
 
     def stage_ended(self, plan: Plan) -> None:
         """All costs in the state in which a stage ends. Collective."""
-        scene, system, units = self._scene, self._system, self._scene.units
+        if not any(contact.findings.misstated(self._system.state) for contact in self._system.contacts):
+            self._of_contacts(plan)
         self.stiff(plan)
         self.kept.results.begin_stage()
-        if any(contact.findings.misstated(system.state) for contact in system.contacts):
-            return
+
+    def _of_contacts(self, plan: Plan) -> None:
+        """What penalties, chords and nodes cost. Collective."""
+        scene, system, units = self._scene, self._system, self._scene.units
         with system.timers("penalty error"):
             error, chords, nodes = errors(system, plan.solver, scene.section, self.kept.results)
         travel, loads = greatest(scene, system, self.kept.history)

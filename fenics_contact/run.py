@@ -149,7 +149,6 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
         energies = [row[f"strain_energy_{energy_unit(scene.units)}"] for row in kept.history]
         words = strained(system, energies[-1], max(energies)) if energies else None
         kept.remark([words] if words else [])
-        costs.stiff(plans[system.stages.index])
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         solver = plans[system.stages.index].solver
@@ -164,6 +163,8 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
     ):  # of which first order tells nothing
         kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
     kept.remark(chord_notes(summary["chord_error"], scene.units) + node_notes(summary["node_error"], scene.units))
+    if verdict.converged:
+        costs.stiff(plans[system.stages.index])
     summary["energy"] = energy_summary(
         kept.history, scene.units, _along(scene), kept.results.balance.growth, system.scales.noise_energy
     )

@@ -2,11 +2,13 @@
 
 import re
 
+import gmsh
 import pytest
 import ufl
 from drawn import ring
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_plane, solve, user_energy
+from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, rigid_cylinder, rigid_plane, solve, user_energy
+from fenics_contact.costs import Costs
 from fenics_contact.meshes import box, rectangles, ring_sector, sphere_shell
 
 
@@ -237,6 +239,50 @@ def test_what_swells_between_bonds_and_locks_is_told_and_what_swells_freely_is_n
     assert not none and 0.55 < found / (force / exact - 1.0) < 1.1
     assert swollen(cells, lambda X, t: 1.0 + 0.1 * t + 0.0 * X[:, 0])[1] == [found]
     assert not swollen(cells, 1.1, bonded=False)[1]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("element", ["displacement", "mixed"])
+def test_what_comes_after_does_not_depend_on_it(monkeypatch, element):
+    """Stages whose states of most strain lie before their ends: later forces are the same to the last digit."""
+
+    def forces():
+        mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (20.0, 1.0), (20, 1))})
+        scene = Scene(Body(mesh, "strip", neo_hooke(1.0, 5.0)), plane="strain", element=element)
+        scene.fix("strip_xmin")
+        scene.fix("strip_xmax", "y")
+        ways = [(6.0, 3), (-5.9, 3), (0.5, 2), (-0.6, 2), (6.0, 2)]
+        stages = [Stage(f"{i}", prescribe={("strip_xmax", "y"): way}, steps=n) for i, (way, n) in enumerate(ways)]
+        result = solve(scene, stages=stages).require()
+        return result.column("strip_xmax_reaction_y_N").tolist(), told(result)
+
+    found, notes = forces()
+    monkeypatch.setattr(Costs, "stiff", lambda self, plan: None)
+    assert (found, []) == forces() and notes
+
+
+def test_a_body_that_hardly_matters_to_the_whole_is_not_told():
+    """A stiff sheet on rubber, of one cell through its thickness, under a roller."""
+
+    def pressed(sheet):
+        law = {"rubber": neo_hooke(0.5, 5.0), "sheet": neo_hooke(sheet, 3.0 * sheet)}
+        sizes = {"rubber": ((-5.0, -3.0), (10.0, 3.0), (40, 12)), "sheet": ((-5.0, 0.0), (10.0, 0.1), (40, 1))}
+
+        def bonded():
+            rectangles.build(rectangles=sizes)
+            gmsh.model.mesh.removeDuplicateNodes()
+
+        mesh = read_gmsh(bonded)
+        scene = Scene(*[Body(mesh, name, one) for name, one in law.items()], plane="strain")
+        scene.fix("rubber_ymin")
+        roller = rigid_cylinder(4.0, (0.0, 4.1, 0.0), (0, 0, 1), name="roller")
+        scene.contact("sheet_ymax", roller, name="c")
+        return solve(scene, move={roller: (0.0, -0.4, 0.0)}, steps=2).require()
+
+    assert not told(pressed(1.0))
+    (note,) = [note for note in pressed(500.0).verdict.notes if "body 'sheet'" in note and "too stiff" in note]  # noqa: UP027
+    by, whole = re.search(r"by about (\d+)% or more \(with the other bodies as a whole by (\d+)%\)", note).groups()
+    assert float(by) > 5.0 * float(whole) > 0.0
 
 
 def inflated(axisymmetric, element, ratio=30.0, degree=1):

@@ -133,7 +133,7 @@ class System:
         """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked,
         whose motions are those of all nodes and tools, tied or not.
 
-        trials: what contacts are evaluated with in the place of their own; more: what is no term's.
+        trials: what contacts are evaluated with in the place of their own; more: what is no term's, and no scale.
         """
         with self.timers("insertion"):
             self.matrix = self.couplings.suited(self.matrix, self.state)
@@ -148,12 +148,13 @@ class System:
                 with self.timers("bulk tangent" if blocks.forms else "insertion"):
                     insert(blocks, self.matrix, self.border)
                 self.foresight.linearised[term] = blocks.at
-        for blocks in more:
-            insert(blocks, self.matrix, self.border)
         with self.timers("insertion"):
             self.matrix.assemble()
             largest = self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
             self.scales.stiffness = max(self.scales.stiffness, largest)
+            for blocks in more:
+                insert(blocks, self.matrix, self.border)
+            self.matrix.assemble()
             if self.border is not None:
                 if terms is None and self.supports.ties:
                     self._extend_border(self.border)

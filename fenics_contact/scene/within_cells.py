@@ -33,11 +33,13 @@ if TYPE_CHECKING:
 
 LEAST = {1: 0.05, 2: 0.03}  # by degree: from which share on it is told that a body is too stiff
 SOFT = 0.1  # likewise that it is too soft: a mixed sphere of two layers has 0.08 and is right, for its mean strains are less
-# Of a body's energy, by degree, of strain that varies within cells, or of J that mixed cells do not see: with less no solve
-VARIES = {1: 0.01, 2: 0.002}
+# Of a body's energy, what cells have too much where nodes stay, by degree, and that of strain that varies within mixed
+# cells, which may have as much too little elsewhere: with less no solve
+LOOKED, LOOKED_MIXED = {1: 0.02, 2: 0.004}, 0.05
 NUDGE = 1e-4  # of a motion, over which energies are differenced
 INCOMPRESSIBLE = 10.0  # K / mu from which on cells of degree 2 should be mixed, too
 COUNTS = 0.01  # of the energy of all bodies: one with less may be as stiff as it likes
+SLIGHT = 0.02  # of the stiffness of all bodies: so much of it nobody minds, and no figure here is better
 MANY = 2_000_000  # values at once, of cells times their points times what varies there, which bounds memory
 
 # Motion (local) by which bodies give way, None where nothing tells: of what the tangent falls by, and of the force (local)
@@ -121,6 +123,36 @@ class _Strained(NamedTuple):
         return mean
 
 
+class _Rates(NamedTuple):
+    """With motions of nodes that of F, at their points: of its rows by gradients (n, q, 3, m), of what turns by hoops (n, q,
+    m), else None."""
+
+    gradients: Floats
+    hoops: Floats | None
+
+    @classmethod
+    def of(cls, cell: _Cell, strained: _Strained) -> "_Rates":
+        gradients = np.zeros((*strained.volume.shape, 3, cell.basis.shape[1]))
+        gradients[..., : cell.places.shape[1], :] = strained.inverse @ cell.gradients
+        return cls(gradients, None if strained.radius is None else cell.basis / strained.radius[..., None])
+
+    def each(self, P: Floats) -> Floats:
+        """What P (n, q, 3, 3) do at each point with motions (n, q, 3 m) of the nodes."""
+        out = (P @ self.gradients).swapaxes(2, 3)
+        if self.hoops is not None:
+            out[..., 0] += P[..., 2, 2, None] * self.hoops
+        return out.reshape(*out.shape[:2], -1)
+
+    def all(self, P: Floats) -> Floats:
+        """What several P (n, q, 3, 3, k) do at all points (n, k, 3 m)."""
+        n, q, _, _, k = P.shape
+        rows = P.transpose(0, 4, 2, 1, 3).reshape(n, 3 * k, 3 * q)
+        out = (rows @ self.gradients.reshape(n, 3 * q, -1)).reshape(n, k, 3, -1).swapaxes(2, 3)
+        if self.hoops is not None:
+            out[..., 0] += P[..., 2, 2, :].swapaxes(1, 2) @ self.hoops
+        return out.reshape(n, k, -1)
+
+
 class _Part:
     """A body's cells of this rank; swells: by which ratio of volumes, a number or, by nodes, a field."""
 
@@ -164,9 +196,9 @@ class _Part:
         """Of this rank's cells."""
         much, varying, most, at = 0.0, 0.0, -1.0, np.zeros(3)
         for nodes, strained in self._strained(u, 1):
-            now, left = self._products(strained, self._varying(strained))
-            off = 0.5 * (now - left)[:, 0, 0]
-            much, varying = much + float(off.sum()), varying + 0.5 * float(now[:, 0, 0].sum())
+            now, off = self._too_much(strained)
+            off = 0.5 * off[:, 0, 0]
+            much, varying = much + float(off.sum()), varying + float(now.sum())
             if np.abs(off).max() > most:
                 most, at = float(np.abs(off).max()), self._X[nodes[np.abs(off).argmax()]].mean(axis=0)
         return _Off(much, varying, self.energy(u), most, at)
@@ -174,37 +206,16 @@ class _Part:
     def softer(self, u: Floats, force: Floats) -> Iterator[Blocks]:
         """What the tangent falls by; adds to a local array the force that comes with it."""
         for nodes, strained in self._strained(u, 3 * self._nodes.shape[1]):
-            now, left = self._products(strained, self._varying(strained, rates=True))
-            more = left - now
-            np.add.at(force.reshape(-1, 3), nodes, more[:, 1:, 0].reshape(*nodes.shape, 3))
-            yield Blocks(cells=(nodes, more[:, 1:, 1:]))
+            _, off = self._too_much(strained, _Rates.of(self._cell, strained))
+            np.add.at(force.reshape(-1, 3), nodes, -off[:, 1:, 0].reshape(*nodes.shape, 3))
+            yield Blocks(cells=(nodes, -off[:, 1:, 1:]))
 
-    def _varying(self, strained: _Strained, rates: bool = False) -> Floats:
-        """What varies within cells (n, q, ..., 1 or 1 + dofs): Green strains, or of degree 2 J; with their rates."""
-        F, cell, degree = strained.F, self._cell, self._scene.degree
-        dim, gradients = cell.places.shape[1], strained.inverse @ cell.gradients
-        turned = np.linalg.det(F)[..., None, None] * np.linalg.inv(F).swapaxes(2, 3) if degree == 2 else F
-        green = 0.5 * (F.swapaxes(2, 3) @ F - np.eye(3))
-        columns = [np.linalg.det(F) if degree == 2 else green]
-        for node in range(cell.basis.shape[1] if rates else 0):
-            for axis in range(3):
-                rate = np.zeros_like(F)  # of F, on its row of this axis
-                if axis < dim:
-                    rate[..., axis, :dim] = gradients[..., node]
-                if axis == 0 and strained.radius is not None:
-                    rate[..., 2, 2] = cell.basis[:, node] / strained.radius
-                if degree == 2:
-                    columns.append((turned * rate).sum(axis=(2, 3)))
-                else:
-                    strain = F.swapaxes(2, 3) @ rate
-                    columns.append(0.5 * (strain + strain.swapaxes(2, 3)))
-        return np.stack([strained.varying(values) for values in columns], axis=-1)
-
-    def _products(self, strained: _Strained, columns: Floats) -> tuple[Floats, Floats]:
-        """Twice the energies (n, c, c) of columns with one another, as cells have them, and as they should."""
+    def _too_much(self, strained: _Strained, rates: _Rates | None = None) -> tuple[Floats, Floats]:
+        """Energies (n,) of what varies within each cell, and twice what they have too much (n, c, c), by strains and, with
+        rates, by motions of the nodes."""
         if self._scene.degree == 2:
-            return _seen(self._cell, strained, columns, self._moduli[1])
-        return _bending(self._cell, strained, columns, self._moduli, self.mixed)
+            return _unseen(self._cell, strained, self._moduli[1], rates)
+        return _bending(self._cell, strained, self._moduli, self.mixed, rates)
 
 
 def stiffnesses(scene: "Scene", system: System, u: Floats, give: Give) -> dict[str, Stiffness]:
@@ -215,8 +226,8 @@ def stiffnesses(scene: "Scene", system: System, u: Floats, give: Give) -> dict[s
     swell = [law.swelling and law.swelling[0] for law in system.terms[0].laws]
     parts = [_Part(scene, system, *of) for of in zip(scene.bodies, swell, strict=True)]
     found = [_sum(system.comm.allgather(part.off(u))) for part in parts]
-    counts, varies = COUNTS * sum(off.all for off in found), VARIES[scene.degree]
-    if not any(off.all > counts and off.varying > varies * off.all for off in found):
+    counts = COUNTS * sum(off.all for off in found)
+    if not any(off.all > counts and _matters(scene, off) for off in found):
         return {}
     forces, total = [np.zeros_like(u) for _ in parts], np.zeros_like(u)
 
@@ -225,14 +236,21 @@ def stiffnesses(scene: "Scene", system: System, u: Floats, give: Give) -> dict[s
             yield from part.softer(u, force)
             total[:] += force
 
-    du, out = give(softer(), total), dict[str, Stiffness]()
-    for part, off, force in zip(parts, found, forces, strict=True):
-        if not off.all > counts:
-            continue
-        share = _share(system, part, off, u, (force, du))
-        if not -SOFT <= share <= LEAST[scene.degree]:
-            out[part.body.group] = Stiffness(share, _note(scene, part.body, off, share))
+    du = give(softer(), total)
+    given = [_given(system, part, off, u, (force, du)) for part, off, force in zip(parts, found, forces, strict=True)]
+    whole, out = sum(left for _, left in given), dict[str, Stiffness]()
+    for body, off, (too_much, left) in zip(scene.bodies, found, given, strict=True):
+        share, of_all = too_much / max(left, counts), too_much / whole
+        if not -SOFT <= share <= LEAST[scene.degree] and abs(of_all) > SLIGHT:
+            out[body.group] = Stiffness(share, _note(scene, body, off, (share, of_all)))
     return out
+
+
+def _matters(scene: "Scene", off: _Off) -> bool:
+    """Whether a solve may tell of a body what is to be told."""
+    if scene.element == "mixed":
+        return off.varying > LOOKED_MIXED * off.all
+    return off.much > LOOKED[scene.degree] * off.all
 
 
 def _sum(parts: Sequence[_Off]) -> _Off:
@@ -242,26 +260,33 @@ def _sum(parts: Sequence[_Off]) -> _Off:
     return _Off(much, varying, whole, worst.most, worst.at)
 
 
-def _share(system: System, part: _Part, off: _Off, u: Floats, led: tuple[Floats, Floats | None]) -> float:
-    """Of a body's stiffness, what its cells have too much; led: by a force on its nodes these give way so. Where that does
-    not tell, as what is left is unstable, what is known without; of mixed cells nothing is. Collective."""
+def _given(system: System, part: _Part, off: _Off, u: Floats, led: tuple[Floats, Floats | None]) -> tuple[float, float]:
+    """What a body's cells have too much, and all, in the units of energy; led: by a force on its nodes these give way so.
+    Where that does not tell, as what is left is unstable, what is known without; of mixed cells nothing is. Collective."""
     force, du = led
     if du is not None:
         rate = 0.5 * (part.energy(u + NUDGE * du) - part.energy(u - NUDGE * du)) / NUDGE
         work, rate = system.comm.allreduce(np.array([force @ du, rate]))
-        too_much, left = off.much - 0.5 * work, off.all + 0.5 * rate
+        too_much, left = off.much - 0.5 * float(work), off.all + 0.5 * float(rate)
         if work <= 0.0 and too_much < left:
-            return float(too_much / left)
-    return 0.0 if part.mixed else off.much / off.all
+            return too_much, left
+    return 0.0 if part.mixed else off.much, off.all
 
 
-def _note(scene: "Scene", body: Body, off: _Off, share: float) -> str:
-    """How far off a body is, and what to do."""
+def _by(share: float) -> str:
+    """By how much what has a share of its stiffness too much is too stiff."""
+    return f"{abs(share / (1.0 - share)):.0%}"
+
+
+def _note(scene: "Scene", body: Body, off: _Off, shares: tuple[float, float]) -> str:
+    """How far off a body is, and what to do; shares: of its stiffness, and of that of all bodies."""
+    share, of_all = shares
     ratio = body.material.bulk_modulus / body.material.shear_modulus
     split = isinstance(body.material, Isotropic) and body.material.volumetric is not None
     way, more = "stiff" if share > 0.0 else "soft", " or more" if share > 0.0 and scene.degree == 1 else ""
     cells = f"cells of degree {scene.degree}" + (" with displacement alone" if scene.degree == 2 else "")
-    off_by = f"body '{body.group}': {cells} make it too {way} by about {abs(share / (1.0 - share)):.0%}{more}"
+    off_by = f"body '{body.group}': {cells} make it too {way} by about {_by(share)}{more}"
+    off_by += f" (with the other bodies as a whole by {_by(of_all)})" if len(scene.bodies) > 1 else ""
     off_by += f", most at {spot(off.at)}"
     if scene.degree == 2:
         return f"{off_by}, where they lock: take {'element=' + repr('mixed') if split else 'cells of half the size'}"
@@ -270,12 +295,17 @@ def _note(scene: "Scene", body: Body, off: _Off, share: float) -> str:
     return f"{off_by}, {where}: take degree=2{mixed}, or cells of half the size"
 
 
-def _seen(cell: _Cell, strained: _Strained, columns: Floats, bulk: float) -> tuple[Floats, Floats]:
-    """Of columns (n, q, c) of J, products (n, c, c) of what is not linear in each cell, as its energy has them, and none."""
-    root: Floats = np.sqrt(strained.volume)[..., None]
-    left = columns - _within(root * np.column_stack([np.ones_like(cell.weights), cell.places]), columns)
-    now: Floats = bulk * left.swapaxes(1, 2) @ left
-    return now, np.zeros_like(now)
+def _unseen(cell: _Cell, strained: _Strained, bulk: float, rates: _Rates | None) -> tuple[Floats, Floats]:
+    """Of that part of J in each cell which is not linear, see `_Part._too_much`."""
+    J, root = np.linalg.det(strained.F), np.sqrt(strained.volume)[..., None]
+    changes = J[..., None]
+    if rates:
+        turned = J[..., None, None] * np.linalg.inv(strained.F).swapaxes(2, 3)
+        changes = np.concatenate([changes, rates.each(turned)], axis=2)
+    changes, linear = root * changes, np.column_stack([np.ones_like(cell.weights), cell.places])
+    left: Floats = changes - _within(np.asarray(root * linear), changes)
+    too_much: Floats = bulk * left.swapaxes(1, 2) @ left
+    return 0.5 * too_much[:, 0, 0], too_much
 
 
 def _within(basis: Floats, values: Floats) -> Floats:
@@ -301,30 +331,25 @@ def _modes(cell: _Cell, strained: _Strained) -> Floats:
 
 
 def _bending(
-    cell: _Cell, strained: _Strained, columns: Floats, moduli: tuple[float, float], mixed: bool
+    cell: _Cell, strained: _Strained, moduli: tuple[float, float], mixed: bool, rates: _Rates | None
 ) -> tuple[Floats, Floats]:
-    """Of columns (n, q, 3, 3, c) of Green strains that vary within each cell, products (n, c, c) as its energy has them, and
-    where enhanced modes take what they can of it. A change of volume that no mode can take costs nothing then."""
-    (mu, bulk), (n, q) = moduli, strained.volume.shape
-    flat, modes = (
-        (values.reshape(n, 9 * q, -1), np.trace(values, axis1=2, axis2=3)) for values in (columns, _modes(cell, strained))
-    )
-    (strains, traces), (modes_, of_modes) = flat, modes
-    lame = bulk - 2.0 * mu / 3.0
-
-    def product(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-        value: Floats = 2.0 * mu * a.swapaxes(1, 2) @ b + lame * c.swapaxes(1, 2) @ d
-        return value
-
-    found = np.linalg.solve(product(modes_, modes_, of_modes, of_modes), product(modes_, strains, of_modes, traces))
-    bent, dilated = strains - modes_ @ found, traces - of_modes @ found
+    """Of Green strains that vary within each cell, see `_Part._too_much`: what enhanced modes take of them, and all of the
+    changes of volume that no mode can take; of mixed cells these cost nothing as it is, and more with the modes."""
+    (mu, bulk), (n, q), F = moduli, strained.volume.shape, strained.F
+    modes, green = _modes(cell, strained), strained.varying(0.5 * (F.swapaxes(2, 3) @ F - np.eye(3)))
+    of_modes, dilatation = (np.trace(strain, axis1=2, axis2=3) for strain in (modes, green))
+    stresses = 2.0 * mu * modes + (bulk - 2.0 * mu / 3.0) * np.eye(3)[:, :, None] * of_modes[:, :, None, None]
+    flat = stresses.reshape(n, 9 * q, -1).swapaxes(1, 2)
+    works, dilatations = flat @ green.reshape(n, 9 * q, 1), dilatation[..., None]
+    if rates:
+        root = np.sqrt(strained.volume)[..., None, None, None]
+        works = np.concatenate([works, rates.all(root * np.einsum("nqia,nqabk->nqibk", F, stresses))], axis=2)
+        dilatations = np.concatenate([dilatations, strained.varying(rates.each(F))], axis=2)
+    found = np.linalg.solve(flat @ modes.reshape(n, 9 * q, -1), works)
     slopes = 1.0 - 2.0 * cell.places
-    reached = _within(strained.varying(np.broadcast_to(slopes, (n, *slopes.shape))), dilated)
-
-    def energies(strain: Floats, dilatation: Floats, change: Floats) -> Floats:
-        """change (n, q, c): of the volume, that which costs something."""
-        shear = strain.swapaxes(1, 2) @ strain - dilatation.swapaxes(1, 2) @ dilatation / 3.0
-        value: Floats = 2.0 * mu * shear + bulk * change.swapaxes(1, 2) @ change
-        return value
-
-    return energies(strains, traces, np.zeros_like(traces) if mixed else traces), energies(bent, dilated, reached)
+    left = dilatations - of_modes @ found
+    left -= _within(strained.varying(np.broadcast_to(slopes, (n, *slopes.shape))), left)
+    too_much = works.swapaxes(1, 2) @ found + bulk * left.swapaxes(1, 2) @ left
+    sheared, changed = (green**2).sum(axis=(1, 2, 3)), (dilatation**2).sum(axis=1)
+    now = mu * (sheared - changed / 3.0) + (0.0 if mixed else 0.5 * bulk) * changed
+    return now, too_much - bulk * dilatations.swapaxes(1, 2) @ dilatations if mixed else too_much

@@ -13,9 +13,10 @@ from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.penalty_error import stiffer
-from fenics_contact.solvers.sensitivity import LINEAR, local
+from fenics_contact.solvers.sensitivity import local
 from fenics_contact.types import Floats, Vec
 
+ENOUGH = 1e-2  # relative residual of an iterative solve: of energies its square is what it leaves
 HELD = 1e6  # of the largest stiffness: that of what is held without a support
 
 
@@ -38,7 +39,9 @@ def gives(system: System, linear: LinearSolver, u: Floats, softer: Iterable[Bloc
             else:
                 state.u.x.array[:] = u
                 system.assemble_tangent(system.terms[:1], more=chain(softer, _holding(system)))
-            ((du, _),) = linear.solve_sides([(*_led(system, force), *system.still())], LINEAR)
+            linear.forget()  # frees what would stand beside that of the softer tangent, which is no guide to the next ones
+            solver = LinearSolver(system, linear.method)
+            ((du, _),) = solver.solve_sides([(*_led(system, force), *system.still())], ENOUGH)
             return local(system, du)
         except LinearFailure:
             return None
