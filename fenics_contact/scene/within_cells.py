@@ -268,7 +268,7 @@ def _given(system: System, part: _Part, off: _Off, u: Floats, led: tuple[Floats,
         rate = 0.5 * (part.energy(u + NUDGE * du) - part.energy(u - NUDGE * du)) / NUDGE
         work, rate = system.comm.allreduce(np.array([force @ du, rate]))
         too_much, left = off.much - 0.5 * float(work), off.all + 0.5 * float(rate)
-        if work <= 0.0 and too_much < left:
+        if work <= 0.0 < left and too_much < left:
             return too_much, left
     return 0.0 if part.mixed else off.much, off.all
 
