@@ -36,10 +36,12 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.meshes import box, dome, rectangles, sphere_shell
-from fenics_contact.solvers.arc_length import Arc, ArcLength
+from fenics_contact.solvers import continuation
+from fenics_contact.solvers.arc_length import Arc, ArcLength, OffThePath
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.locating import Arrival, Sought, located
 from fenics_contact.solvers.softness import soft_motion
+from fenics_contact.solvers.verdict import StepFailed
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -319,6 +321,14 @@ def test_no_part_of_an_arch_is_loose_at_its_limit_load():
     assert result.history[-1]["limit_point"] == 1
     found = soft_motion(result.system)
     assert found.kind == "limit point" and "tool 'roller'" in found.place, found
+    # a limit point stops no path: where no arc was off it the cause is what kept them from their balance
+    left = StepFailed("15 iterations left 1e-7 of the force out of balance")
+    off = OffThePath("the path does not meet the arc")
+    stopped = continuation.cause(result.system, left, [left, left])
+    assert stopped.kind == "no convergence" and stopped.reason.startswith("15 iterations left"), stopped
+    assert "penalty= of contact 'top' far below" in stopped.remedy and "softest motion" in stopped.reason, stopped
+    stopped = continuation.cause(result.system, left, [off, left])
+    assert stopped.kind == "limit point" and "keep the arcs shorter" in stopped.remedy, stopped
 
 
 def numbers():
@@ -519,27 +529,51 @@ def test_a_pushed_part_goes_over_an_edge_where_the_load_falls_at_once(friction):
     assert force[-1] == pytest.approx(found[1.7].column("hub_force_x_N")[-1], rel=1e-3 if friction else 3e-5)
 
 
-def cap() -> None:
-    """Half of a section of a cap, of radius 10, 0.5 thick."""
-    rectangles.build(rectangles={"cap": ((0.0, 0.0), (1.0, 1.0), (20, 2))}, order=2)
+def cap(half) -> None:
+    """A section of a cap that reaches so many degrees from its axis, of radius 10, 0.5 thick."""
+    rectangles.build(rectangles={"cap": ((0.0, 0.0), (1.0, 1.0), (int(0.6 * half), 2))}, order=2)
     tags, places, _ = gmsh.model.mesh.getNodes()
     for tag, (along, through, _) in zip(tags, places.reshape(-1, 3), strict=True):
-        angle, r = np.radians(35.0 * along), 9.75 + 0.5 * through
+        angle, r = np.radians(half * along), 9.75 + 0.5 * through
         gmsh.model.mesh.setNode(tag, [r * np.sin(angle), r * np.cos(angle), 0.0], [])
 
 
-def test_a_path_does_not_go_straight_back_behind_a_bifurcation():
-    """The pivot of a bifurcation just passed turns back with the load: that is no limit point. It went all the way down
-    the path that it had come up, to no load."""
-    scene = Scene(Body(read_gmsh(cap), "cap", neo_hooke(1.0, K=100.0)), plane="axisymmetric", degree=2, element="mixed")
+def lidded(half, law, element, penalty, end):
+    """A cap under a smooth lid that is pushed down to a travel of `end`; the crown's way down is recorded."""
+    scene = Scene(Body(read_gmsh(cap, half=half), "cap", law), plane="axisymmetric", degree=2, element=element)
     scene.fix("cap_xmax")
     lid = rigid_plane((0, 10.25, 0), (0, -1, 0), name="lid")
-    scene.contact("cap_ymax", lid, name="c", penetration=1e-5)
-    touch = Stage("touch", move={lid: (0, -0.1, 0)}, steps=3)
-    arcs = ArcSteps(until=Travel(lid, "y", -1.3), first=0.1, largest=0.5)
-    result = solve(scene, stages=[touch, Stage("push", push={lid: (0, -2.0, 0)}, steps=arcs)])
-    assert (np.diff(result.column("lid_travel_y_mm")) < 0.0).all()
-    assert result.converged or (result.verdict.kind == "limit point" and "keep the arcs shorter" in result.verdict.remedy)
+    scene.contact("cap_ymax", lid, name="c", **penalty)
+    touch = Stage("touch", move={lid: (0, -0.05, 0)}, steps=2)
+    arcs = ArcSteps(until=Travel(lid, "y", -end), first=0.1, largest=0.3)
+    crown = {"crown": lambda view: -view.at((0, 10.25, 0)).displacement[1]}
+    return solve(scene, stages=[touch, Stage("push", push={lid: (0, -1.0, 0)}, steps=arcs)], record=crown)
+
+
+LIDDED = {  # with multipliers, and where a limit point is located at the kink, or is not
+    "multipliers": (35.0, neo_hooke(1.0, K=100.0), "mixed", {"penetration": 1e-5}, 1.15),
+    "default": (40.0, mooney_rivlin(a1=0.3, a2=0.05, K=10.0), "displacement", {}, 1.25),
+    "penalty": (40.0, mooney_rivlin(a1=0.3, a2=0.05, K=10.0), "displacement", {"penalty": 100.0}, 1.2),
+}
+
+
+@pytest.mark.parametrize("kind", LIDDED)
+def test_a_path_goes_on_where_it_turns_straight_back(kind):
+    """The flat contact of a crown gives way to a ring: a node lets go, load and lid go back, nearly along the way that they
+    came, and then the crown on. That looked like a bifurcation, and the path led down again to no load, or ended."""
+    result = lidded(*LIDDED[kind]).require()
+    crown, travel = result.column("crown"), -result.column("lid_travel_y_mm")
+    turned = int(np.argmax(np.diff(travel) < 0.0))  # where the lid's way was longest
+    assert turned and not result.column("bifurcation").any()
+    assert crown[turned:].min() > 0.7 * crown[turned] and crown[-1] > 1.3 * travel[-1]
+
+
+def test_a_path_that_leads_back_along_itself_is_not_followed(monkeypatch):
+    """Where it is not found out that the load has turned."""
+    monkeypatch.setattr(continuation, "_load_turned", lambda path, arrival: False)
+    result = lidded(*LIDDED["multipliers"])
+    travel = -result.column("lid_travel_y_mm")
+    assert result.converged or (travel[-1] > 0.95 * travel.max() and "arcs shorter" in result.verdict.remedy), travel
 
 
 class Gone:

@@ -36,6 +36,10 @@ BEYOND = 5  # solves of an arc from which on pivots alone say whether the load t
 FINITE = float(np.finfo(float).max)  # an out-of-balance force that any other is less than, but that of elements inside out
 
 
+class OffThePath(StepFailed):
+    """An arc has met no state on the way onward: the path turns by more than so long an arc can follow."""
+
+
 @dataclass
 class ArcReport(StepReport):
     """A step's tangent solves and residuals; limit_point: 1 where it ends on a maximum of t, -1 on a minimum, else 0;
@@ -224,7 +228,7 @@ class ArcLength:
         a, b, c = self.dot(rate, rate), self.dot(rate, reached), self.dot(reached, reached) - arc.length**2
         inside = b * b - a * c
         if not inside >= 0.0:
-            raise StepFailed("the path does not meet the arc")
+            raise OffThePath("the path does not meet the arc")
         # of both points on the arc the one further onward: the other turns back
         roots = (-b + np.sqrt(inside)) / a, (-b - np.sqrt(inside)) / a
         onward = (self._by_pivots(arc) if late else 0.0) or self._onward(rate, total, arc)

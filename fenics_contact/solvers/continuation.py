@@ -8,15 +8,16 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.exchange import copy_to_ghosts
-from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS
+from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS, Finding
 from fenics_contact.assembly.system import System
-from fenics_contact.solvers.arc_length import Arc, ArcLength, ArcReport, Increment
+from fenics_contact.solvers.arc_length import Arc, ArcLength, ArcReport, Increment, OffThePath
 from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.course import ArcSteps, Course, Fork, Leg
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.locating import Arrival, Sought, located
 from fenics_contact.solvers.motions import Motion, resistance, softest
 from fenics_contact.solvers.report import StepperTo
+from fenics_contact.solvers.retraced import Retraced
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 from fenics_contact.types import Floats
 
@@ -31,6 +32,8 @@ TARGET_TOLERANCE = 1e-6  # of the largest distance to the target seen: how close
 ALIKE, WITHIN = 1e-8, 100.0
 AWAY = 1e-2  # of the bodies' size: the first arc on another path, where that is no longer lost in round-off
 BACK = 0.99  # cosine of the angle to straight back, from which on a step is on the path so far
+TURNED = "the load has turned within this step, where points close or let go and the path leads nearly straight back: "
+TURNED += "its limit is not located, arcs keep on from here"
 LEAVES = 0.5  # of the first arc on another path: less along the null vector, and it leads on or back on the path so far
 
 
@@ -53,6 +56,9 @@ class Path:
         # negative pivots at the last accepted state that is no limit point, and the sign of the load's change there
         self.negative, self.side = np.nan, 0.0
         self.bifurcations = 0  # passed so far
+        self.branched = False  # whether one lies in the last step
+        self.curve = Retraced(system)  # where this leg has been
+        self.failures: list[StepFailed] = []  # of the step that is on
         self.reached: list[str] = []  # the targets that ended the legs so far, in words
         self.begun = False  # whether a step of the present leg has been accepted
         self.highest = self.furthest = 0.0  # largest load [t] and way [length] from the start of the path accepted
@@ -75,9 +81,7 @@ class Path:
             while not self.ended:
                 self._follow_leg(on_step)
         except StepFailed as failure:
-            found, t = diagnose(self.system, failure), self.system.state.t
-            if found.kind == LIMIT_POINT:  # no news to a continuation: the arc was too long for the turn of its path
-                found = found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
+            found, t = cause(self.system, failure, self.failures), self.system.state.t
             # neither springs nor damping go with arcs: where a remedy is one of them it is to be taken in load steps
             verdict.stop(found._replace(remedy=found.remedy.replace("solve(...", "solve(..., steps=20")), t)
         else:
@@ -111,8 +115,8 @@ class Path:
         """(fields, numbers) of the way so far: last increment, the path's rate, lengths, the place among the legs."""
         kept = ("last", self.last), ("rate", self.rate), ("gone", self.gone)
         parts = {name: part for name, part in kept if part is not None}
-        names = "reached begun highest furthest taken slope first length spans negative side bifurcations".split()
-        numbers = {name: getattr(self, name) for name in names} | {"per_load": self.arc.per_load}
+        names = "reached begun highest furthest taken slope first length spans negative side bifurcations branched".split()
+        numbers = {name: getattr(self, name) for name in names} | {"per_load": self.arc.per_load, "curve": self.curve.points}
         numbers |= {name: [part.dq.tolist(), part.dt] for name, part in parts.items()}
         return {name: part.du.array_r for name, part in parts.items()}, numbers
 
@@ -122,7 +126,7 @@ class Path:
         ValueError, on all ranks, where the legs now stated cannot lead there.
         """
         numbers = dict(numbers)
-        self.arc.per_load = numbers.pop("per_load")
+        self.arc.per_load, self.curve.points = numbers.pop("per_load"), numbers.pop("curve", [])
         for name, values in fields.items():
             du, (dq, dt) = self.system.new_vector(), numbers.pop(name)
             du.array[:] = values[: len(du.array_r)]
@@ -157,11 +161,13 @@ class Path:
 
     def _take(self, smallest: float) -> tuple[Arrival, str | None]:
         """A step of the length that is due or, where that fails, of a half of it, and so on."""
+        self.failures = []
         while True:
             try:
                 return self._step(self.length, self._going)
             except StepFailed as failure:
                 self._back()
+                self.failures.append(failure)
                 if self.length / 2 < smallest:
                     raise
                 self.verdict.cut(failure, f"arc of {self.length:.3g}")
@@ -175,6 +181,10 @@ class Path:
     def _step(self, length: float, rate: Increment) -> tuple[Arrival, str | None]:
         """The next state, not yet accepted, and the name of the target reached, if any; StepFailed if there is none."""
         arrival = self._arrive(length, rate)
+        turned = arrival.rate.dt * self.slope < 0.0 and self.slope * self.side < 0.0
+        if turned and (arrival.report.negative - self.negative) % 2 == 1.0:
+            # a limit point begins this step, and a kink may hide it from angles: behind it pivots have turned, and the load
+            arrival.rate = arrival.rate.times(-1.0)
         self._refuse_back(arrival, rate)
         if self.fork and self.bifurcations + 1 == self.fork.number and self._passed(arrival):
             arrival = self._bifurcation(arrival, rate, self.fork)
@@ -199,22 +209,29 @@ class Path:
     def _refuse_back(self, arrival: Arrival, rate: Increment) -> None:
         """StepFailed where an arc from a bifurcation, along its null vector, does not leave the path so far, or where one
         goes back on that: against the last step, with a load that turns, and with no pivot for that, or straight back,
-        as a path does beyond no kink: the pivot may be that of a bifurcation just behind.
+        unless pivots have turned with the load in both steps: at a kink a path may do so. The curve so far tells the rest.
         """
         if self.begun and self.slope == 0.0:
             if self.arc.dot(arrival.increment, rate) < LEAVES * self.arc.norm(arrival.increment):
-                raise StepFailed("the arc does not lead along the branch")
+                raise OffThePath("the arc does not lead along the branch")
             return
         if not (self.begun and self.last):
             return
         onwards = self.arc.dot(arrival.increment, self.last) / (self.arc.norm(arrival.increment) * self.arc.norm(self.last))
-        turns = self._passed(arrival) and arrival.rate.dt * self.side < 0.0
-        if onwards < -BACK or (turns and onwards < 0.0):
-            raise StepFailed("the arc leads back along the path")
+        known, passed = not np.isnan(arrival.report.negative - self.negative), self._passed(arrival)
+        turns = passed and arrival.rate.dt * self.side < 0.0
+        if (onwards < -BACK and (passed or self.branched or not known)) or (turns and onwards < 0.0):
+            raise OffThePath("the arc leads back along the path")
+        if ago := self.curve.led_back(arrival.report.negative, self.arc.per_load or 0.0, self.steps.turn):
+            raise OffThePath(f"the arc leads back along the path, to where it was {ago} steps ago")
 
     def _accept(self, arrival: Arrival, leg: Leg, reached: str | None) -> None:
         """Commit the arrival; direction and length of the next step follow from it."""
         self.system.trail.commit()
+        if _load_turned(self, arrival):
+            arrival.rate = arrival.rate.times(-1.0)
+            arrival.report.notes.append(TURNED)
+        self.curve.add(arrival.report.negative, not self.begun)
         # a located limit point lies a hair before or behind the extremum: its own sign says nothing
         self.slope = self._onward if arrival.report.limit_point else arrival.rate.dt
         self._look(arrival)
@@ -285,7 +302,8 @@ class Path:
         report = arrival.report
         if report.limit_point:
             return  # a hair before or behind it: its pivots say nothing
-        if arrival.fork or self._passed(arrival):
+        self.branched = bool(arrival.fork) or self._passed(arrival)
+        if self.branched:
             self.bifurcations += 1
             report.bifurcation, t = 1, self.system.state.t
             if arrival.fork:
@@ -322,6 +340,48 @@ class Path:
         along = self.system.comm.allreduce(float(mode.du.array_r[fork.dofs].sum()))
         arrival.fork = Increment(mode.du, mode.dq, 0.0).times(np.copysign(1.0, along * fork.towards))
         return arrival
+
+
+def _load_turned(path: Path, arrival: Arrival) -> bool:
+    """Whether the load has turned within a step, just accepted, that seems to go on past a bifurcation. Collective.
+
+    Where a point closes or lets go a path may turn straight back, and at its smaller angle it then seems to go on. So an arc
+    as long as the step is led against that: behind a bifurcation it comes to where the step began, to the pivots from
+    before; behind a kink these are beyond it, and pivots stay.
+    """
+    now, before = arrival.report.negative, (path.negative, path.side)
+    if arrival.fork or arrival.report.limit_point or not path._passed(arrival) or (now - path.negative) % 2 == 0.0:
+        return False
+    rate = arrival.rate.times(-1.0)
+    path.negative, path.side = now, rate.dt
+    try:
+        there = path._arrive(arrival.length, rate).report.negative
+    except StepFailed:
+        there = np.nan
+    path.negative, path.side = before
+    path._back()
+    path.system.assemble_residual()  # whose reactions are those of the step
+    return bool((there - now) % 2 == 0.0)
+
+
+def cause(system: System, failure: StepFailed, failures: list[StepFailed]) -> Finding:
+    """What has stopped a continuation: the last one of the failures of a step. Collective.
+
+    A limit point is no news to it: where arcs have missed the path they were too long for its turn. Where none has, what
+    kept them from their balance is the cause.
+    """
+    found = diagnose(system, failure)
+    if found.kind != LIMIT_POINT:
+        return found
+    if not system.contacts or any(isinstance(one, OffThePath) for one in failures):
+        return found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
+    known, ways = failure.finding, []
+    for contact in system.contacts:
+        most = max(system.comm.allgather(contact.trial.law.eps_n.max(initial=0.0)))
+        ways.append(f"penalty= of contact '{contact.name}' far below {most:.3g}")
+    softer = f"let points open and close more smoothly: {', '.join(ways)}"
+    place = known.place or found.place
+    return Finding(known.kind, f"{known.reason}; {found.reason}", place, known.remedy or softer)
 
 
 def _growth(steps: ArcSteps, solves: float, turned: float) -> float:
