@@ -43,10 +43,10 @@ class Retraced:
 
         per_load: length that stands for a load of 1; turn: angle [radians] by which a path turns in a step. Collective.
         """
+        if len(self.points) < 3:
+            return 0
         here, curve = np.array(self._here()), np.array(self.points)
         pivots, curve = curve[:, 0], curve[:, 1:]
-        if len(curve) < 3:
-            return 0
         here[0] *= per_load
         curve[:, 0] *= per_load
         begins, ways, step = curve[:-2], np.diff(curve[:-1], axis=0), here - curve[-1]
