@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.term import State, Term
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Floats
 
 

@@ -10,6 +10,7 @@ from fenics_contact.assembly.exchange import lasting
 from fenics_contact.assembly.facet_points import skin_of
 from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.term import FormTerm, State
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Floats, Ints, Ints64, Space
 
 
@@ -46,19 +47,19 @@ class Moment(FormTerm):
         inverse = np.linalg.inv(J)
         return r, inverse, inverse @ self.moment
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
         r, _, a = self._state(state)
         forces = self._weights[self._mine, None] * np.cross(a, r[self._mine])
         residual.reshape(-1, 3)[self._owned] -= forces
 
-    def couplings(self, state: State) -> Any:
+    def couplings(self, state: State, trials: Trials | None = None) -> Any:
         """All of the surface's nodes with each other, from the first tangent on."""
         if self._told:
             return None
         self._told = True
         return (self._blocks[self._mine][:, None] * self._total + self._blocks).ravel()
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         """df_i/dx_j = w_i ([a] (I d_ij - w_j/W) - [r_i] da/dx_j), da/dx_j = -J^-1 w_j (2 a r_j^T - (r_j.a) I - r_j a^T)."""
         (r, inverse, a), w = self._state(state), self._weights
         turned = 2.0 * np.einsum("c,jd->jcd", a, r) - np.einsum("jc,c->j", r, a)[:, None, None] * np.eye(3)

@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm, LinearForm
 from fenics_contact.assembly.term import FormTerm, State
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Bools, Constant, Floats, Form, Function
 
 # share of stiffness, places the springs pull to, (residual, tangent), on tools
@@ -64,13 +65,13 @@ class SpringTerm(FormTerm):
     def _tool_pull(self, state: State) -> Floats:
         return np.where(self._free(), self.share * self._on_tools * (state.q - self._q), 0.0)
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
         if self.share > 0.0:
             super().add_residual(state, residual, tool_residual)
             if self._first_rank:
                 tool_residual += self._tool_pull(state)
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         if not self.share > 0.0:
             return Blocks()
         on_tools = np.where(self._free(), self.share * self._on_tools, 0.0).ravel() if self._first_rank else None

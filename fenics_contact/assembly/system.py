@@ -10,7 +10,6 @@ from fenics_contact import compat
 from fenics_contact.assembly.acceptance import Acceptance
 from fenics_contact.assembly.blocks import Blocks, insert
 from fenics_contact.assembly.border import Border
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import Finding, Foremost, foremost
@@ -25,6 +24,7 @@ from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.term import FluidTerm, FormTerm, State, Term
 from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.assembly.trail import Trail
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Vec
 
@@ -96,11 +96,11 @@ class System:
         owed = self.places(t) - self.supports.held(self.state.u.x.array)
         return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.q)
 
-    def assemble_residual(self, followed: bool = False) -> float:
+    def assemble_residual(self, followed: bool = False, trials: Trials | None = None) -> float:
         """Fill residual_vector (supports' dofs zero) with (23), and tool_residual; returns the out-of-balance norm [force].
 
         `scales.forces` is then the largest norm of a single term, reactions included: the scale of the residual.
-        followed: with condensed unknowns where the last tangent's linearisation puts them, see Term.
+        followed: with condensed unknowns where the last tangent's linearisation puts them; trials: see Term.
         """
         total = self.residual_vector
         total.set(0.0)
@@ -114,7 +114,7 @@ class System:
                     local.set(0.0)
                     array = local.array_w
                     add = term.add_followed_residual if followed else term.add_residual
-                    add(self.state, array, tool_residual)
+                    add(self.state, array, tool_residual, trials)
                 sum_to_owners(self._work)
                 self.scales.forces = max(self.scales.forces, self._work.norm())
                 total.axpy(1.0, self._work)
@@ -133,21 +133,20 @@ class System:
         """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked,
         whose motions are those of all nodes and tools, tied or not.
 
-        trials: what contacts are evaluated with in the place of their own; more: what is no term's.
+        trials: see Term; more: what is no term's.
         """
         with self.timers("insertion"):
-            self.matrix = self.couplings.suited(self.matrix, self.state)
+            self.matrix = self.couplings.suited(self.matrix, self.state, trials)
         with self.timers("bulk tangent"):  # whose blocks nearly all are
             self.matrix.zeroEntries()
         if self.border is not None:
             self.border.clear()
-        with self.foresight.trying(trials or {}):
-            for term in self.terms if terms is None else terms:
-                with self.timers("bulk tangent"):
-                    blocks = term.tangent(self.state)
-                with self.timers("bulk tangent" if blocks.forms else "insertion"):
-                    insert(blocks, self.matrix, self.border)
-                self.foresight.linearised[term] = blocks.at
+        for term in self.terms if terms is None else terms:
+            with self.timers("bulk tangent"):
+                blocks = term.tangent(self.state, trials)
+            with self.timers("bulk tangent" if blocks.forms else "insertion"):
+                insert(blocks, self.matrix, self.border)
+            self.foresight.linearised[term] = blocks.at
         for blocks in more:
             insert(blocks, self.matrix, self.border)
         with self.timers("insertion"):

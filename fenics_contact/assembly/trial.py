@@ -1,12 +1,16 @@
 """What the forces of a contact depend on besides the state, and what they are: plain values, never changed in place."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fenics_contact.kernels.law import Friction
 from fenics_contact.types import Anchors, Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from fenics_contact.assembly.contact_term import ContactTerm
 
 PRESENT: Floats = np.empty(0)
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
@@ -105,6 +109,9 @@ class Trial:
     def only(self, points: Bools) -> "Trial":
         """In which the points (n,) of a mask alone exert forces."""
         return replace(self, area=np.where(points.reshape(self.area.shape), self.area, 0.0))
+
+
+Trials = Mapping["ContactTerm", Trial]  # with what contacts are evaluated in the place of their own
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,7 +103,7 @@ class Forces:
     def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
         """Add what the pressures alone give, friction apart; returns this rank's energy in their penalties."""
         alone = self._contact.trial.with_friction(0.0)
-        self._contact.add_residual(state, residual, tool_residual, alone)
+        self._contact.add_residual(state, residual, tool_residual, {self._contact: alone})
         return stored_energy(self._contact, state, alone)
 
     def stored(self, state: State) -> float:

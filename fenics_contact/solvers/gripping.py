@@ -110,8 +110,8 @@ def _rubbing(system: System, rough: Sequence[ContactTerm]) -> Forces | None:
     forces, wrenches = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
     bare, smooth = np.zeros_like(forces), np.zeros_like(wrenches)
     for contact, mask in zip(rough, slips, strict=True):
-        contact.add_residual(state, forces, wrenches, contact.parts.part(mask))
-        contact.add_residual(state, bare, smooth, contact.parts.part(mask, frictionless=True))
+        contact.add_residual(state, forces, wrenches, {contact: contact.parts.part(mask)})
+        contact.add_residual(state, bare, smooth, {contact: contact.parts.part(mask, frictionless=True)})
     return forces - bare, wrenches - smooth
 
 

@@ -5,13 +5,13 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding, spot, tidied
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
-from fenics_contact.assembly.trial import ENDLESS
+from fenics_contact.assembly.trial import ENDLESS, Trials
 from fenics_contact.solvers.motions import Motion, by_owner, relaxed, resistance, rigid_motions, turning_point
 from fenics_contact.solvers.slipping import used_share
 from fenics_contact.solvers.softness import LARGEST, damping

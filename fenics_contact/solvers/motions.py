@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.finding import MOVES
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Ints, Ints64, Mat, Vec
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.trial import Trial
+from fenics_contact.assembly.trial import Trial, Trials
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Vec
 
@@ -101,8 +101,7 @@ def _at(
 
 def _out_of_balance(system: System, trials: Trials) -> tuple[Vec, Floats]:
     """The residual and that of the tools where the contacts are evaluated with these trials. Collective."""
-    with system.foresight.trying(trials):
-        system.assemble_residual()
+    system.assemble_residual(trials=trials)
     return system.residual_vector.copy(), system.tool_residual.copy()
 
 
@@ -118,9 +117,8 @@ def _rates(
         force.scale(0.5 / NUDGE)
         sides.append((force, (tools - tools_less) / (2.0 * NUDGE), *system.still()))
     here = {term: varied[0](term, 0.0) for term in system.contacts}  # the tangent of what presses, not of what is held
-    with system.foresight.trying(here):
-        system.assemble_residual()
-        system.assemble_tangent()
+    system.assemble_residual(trials=here)
+    system.assemble_tangent(trials=here)
     try:
         return [(local(system, du), dq) for du, dq in linear.solve_sides(sides, tolerance)]
     except LinearFailure:

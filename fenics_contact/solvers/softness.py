@@ -7,10 +7,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.blocks import insert
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.gripping import GRIP
 from fenics_contact.solvers.increment import solve_once
