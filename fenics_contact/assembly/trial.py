@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_contact.kernels.law import Friction
+from fenics_contact.kernels.law import SMOOTH, Friction
 from fenics_contact.types import Anchors, Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 PRESENT: Floats = np.empty(0)
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
-SMOOTH = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), np.empty((0, 2)), np.empty((0, 3)))  # no friction
 # Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.
 DRAWN = 1e-10
 
@@ -80,12 +79,6 @@ class Trial:
     def rough(self) -> bool:
         """Whether there is friction."""
         return self.law.friction.mu > 0.0
-
-    @property
-    def asks_pressure(self) -> bool:
-        """Whether the law of friction knows more of a pressure than that friction grows with it."""
-        friction = self.law.friction
-        return bool(friction.exponent or friction.shear or len(friction.table))
 
     def under(self, law: Law) -> "Trial":
         return replace(self, law=law)
