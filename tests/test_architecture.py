@@ -208,6 +208,20 @@ def set_from_outside(source):
     return found
 
 
+MAKERS = {f"np.{name}" for name in ("empty", "zeros", "ones", "full", "arange", "array", "append", "concatenate", "where",
+                                    "empty_like", "zeros_like", "full_like")}  # fmt: skip
+
+
+def made_in_loops(source):
+    """Lines on which arrays are made in a loop, but where one has become too short: under `if len(array) < ...`."""
+    loops = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.For | ast.While)]
+    inside = [part for loop in loops for statement in loop.body for part in ast.walk(statement)]
+    grown = [n for n in inside if isinstance(n, ast.If) and ast.unparse(n.test).startswith("len(")]
+    fine = {part for one in grown for statement in one.body for part in ast.walk(statement)}
+    calls = [n for n in inside if isinstance(n, ast.Call) and n not in fine]
+    return [n.lineno for n in calls if ast.unparse(n.func) in MAKERS or ast.unparse(n.func).endswith(".copy")]
+
+
 def arguments(function):
     """Arguments of a function, but self and cls."""
     a = function.args
@@ -230,6 +244,8 @@ def test_module(path):
     assert room in TABLE, f"{room} is a new room: say in the table of this test what it may know"
     assert not wrong_imports(room, source)
     assert not local_imports(source), "import at the top: an import inside a function hides a dependency"
+    if room == "kernels":
+        assert not made_in_loops(source), "what a loop works in is made before it"
     if path.name != "__main__.py":
         assert not prints(source), "the package shows its progress through hooks and writes files; scripts print"
     if room != "compat":
@@ -296,6 +312,8 @@ def test_rooms_do_not_know_each_other_in_circles():
         (set_from_outside, "self._contact.trial = trial"),
         (set_from_outside, "system.contacts[0].places.search += 1.0"),
         (set_from_outside, "if hasattr(term, 'only'): pass"),
+        (made_in_loops, "for i in range(n):\n    a = np.zeros(3)"),
+        (made_in_loops, "while True:\n    if n > 0:\n        a = b.copy()"),
         (local_imports, "def f():\n    import os"),
         (prints, "def f():\n    print(1)"),
         (untyped, "def f(a, b: int) -> None: ..."),
