@@ -28,6 +28,10 @@ class Foresight:
         self._told: dict[ContactTerm, Floats] = {}  # what the last tangent foresaw, where samples have changed since
         self._samples_held = False
 
+    def learn(self, term: Term, at: Any) -> None:
+        """A tangent has been taken where a term's points were `at`."""
+        self.linearised[term] = at
+
     def foresee(self, state: State) -> None:
         """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
         for contact, gaps in (self._foreseen(state) or self._told).items():

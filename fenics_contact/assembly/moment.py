@@ -19,7 +19,7 @@ class Moment(FormTerm):
 
     w_i: their areas at the start, J = sum w (r.r I - r r^T). The forces have no resultant and exactly the moment M, about
     any point, and their power is M times the mean spin of the surface, J^-1 sum w r x v, which they do not stiffen. Every
-    rank knows the surface's nodes. nodes (n,): local numbers; facets: local ones; `moment` (3,) [force length] goes with t.
+    rank knows the surface's nodes. nodes (n,): local numbers; facets: local ones.
     """
 
     def __init__(self, name: str, space: Space, nodes: Ints, facets: Ints) -> None:
@@ -34,7 +34,11 @@ class Moment(FormTerm):
         self._blocks: Ints64 = self._all(self._owned + index_map.local_range[0])  # rising: ranks have theirs in a row
         first = int(np.searchsorted(self._blocks, index_map.local_range[0]))
         self._mine, self._total, self._told = slice(first, first + len(self._owned)), index_map.size_global, False
-        self.moment = np.zeros(3)
+        self._moment = np.zeros(3)
+
+    def set_moment(self, moment: Floats) -> None:
+        """Take the moment (3,) [force length] of a load parameter."""
+        self._moment[:] = moment
 
     def _all(self, mine: Any) -> Any:
         return np.concatenate(self._comm.allgather(mine))
@@ -45,7 +49,7 @@ class Moment(FormTerm):
         r = x - w @ x / w.sum()
         J = np.einsum("n,nc,nc->", w, r, r) * np.eye(3) - np.einsum("n,nc,nd->cd", w, r, r)
         inverse = np.linalg.inv(J)
-        return r, inverse, inverse @ self.moment
+        return r, inverse, inverse @ self._moment
 
     def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
         r, _, a = self._state(state)

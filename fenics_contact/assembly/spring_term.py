@@ -46,8 +46,8 @@ class SpringTerm(FormTerm):
         """kappa over E/L^2."""
         return float(self._constant.value)
 
-    @share.setter
-    def share(self, value: float) -> None:
+    def resist(self, value: float) -> None:
+        """Take springs of this share of stiffness, 0: none."""
         if value > 0.0 and not self._residuals:
             residual, tangent = self._forms
             self._residuals, self._tangents = [LinearForm(residual)], [CellForm(tangent, symmetric=True)]

@@ -85,8 +85,6 @@ class System:
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
         self.foresight = Foresight(self.contacts)
         self.acceptance = Acceptance(state, terms, check, holds, self.scales, self.grounding)
-        if self.grounding:
-            self.grounding.bind(self)
 
     # -- a step -------------------------------------------------------------------------------------------------------
     def begin_step(self, t: float) -> tuple[Floats, Floats]:
@@ -105,7 +103,7 @@ class System:
         total = self.residual_vector
         total.set(0.0)
         tool_residual = np.zeros_like(self.tool_residual)
-        self.scales.forces = 0.0
+        largest = 0.0
         for term in self.terms:
             if term in self.springs and not term.share > 0.0:
                 continue
@@ -116,8 +114,9 @@ class System:
                     add = term.add_followed_residual if followed else term.add_residual
                     add(self.state, array, tool_residual, trials)
                 sum_to_owners(self._work)
-                self.scales.forces = max(self.scales.forces, self._work.norm())
+                largest = max(largest, self._work.norm())
                 total.axpy(1.0, self._work)
+        self.scales.meet(largest)
         with total.localForm() as local:
             self.reactions = self.supports.held_forces(local.array_r)
             self.supports.ties.add_wrenches(self.state.poses, self.state.q, local.array_r, tool_residual)
@@ -146,17 +145,16 @@ class System:
                 blocks = term.tangent(self.state, trials)
             with self.timers("bulk tangent" if blocks.forms else "insertion"):
                 insert(blocks, self.matrix, self.border)
-            self.foresight.linearised[term] = blocks.at
+            self.foresight.learn(term, blocks.at)
         for blocks in more:
             insert(blocks, self.matrix, self.border)
         with self.timers("insertion"):
             self.matrix.assemble()
-            largest = self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
-            self.scales.stiffness = max(self.scales.stiffness, largest)
+            self.scales.meet_stiffness(self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
             if self.border is not None:
                 if terms is None and self.supports.ties:
                     self._extend_border(self.border)
-                self.border.corner = self.comm.allreduce(self.border.corner)
+                self.border.sum_corner(self.comm)
 
     def _extend_border(self, border: Border) -> None:
         """Let tools carry along what is tied to them. Collective."""
@@ -192,11 +190,6 @@ class System:
         stated = self.tools.forces(self.state.t)
         forces = np.where(self.tools.free, stated, self.tool_residual + stated)
         return End(self.state.t, self.state.q.copy(), forces)
-
-    def way_from(self, u: Floats, q: Floats) -> float:
-        """Largest motion [length] of a node or a tool from u (local array) and q to the state. Collective."""
-        way = max(self.comm.allgather(np.abs(self.state.u.x.array - u).max(initial=0.0)))
-        return max(way, np.abs(self.state.q - q).max(initial=0.0))
 
     def length(self, du: Vec, dq: Floats) -> float:
         """Of a motion: root of the mean square over the nodes, tools on top [length]. Collective."""

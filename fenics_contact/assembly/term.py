@@ -36,6 +36,11 @@ class State:
         """Of all ranks that have a part of the state."""
         return self.u.function_space.mesh.comm
 
+    def way_from(self, u: Floats, q: Floats) -> float:
+        """Largest motion [length] of a node or a tool from u (local array) and q. Collective."""
+        way = max(self.comm.allgather(np.abs(self.u.x.array - u).max(initial=0.0)))
+        return max(way, np.abs(self.q - q).max(initial=0.0))
+
     @property
     def travel(self) -> Floats:
         """Travel of the tools' reference points (tools, 3) [length], a view of q."""

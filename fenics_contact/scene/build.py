@@ -155,7 +155,7 @@ def build(
             fluid.set_time(t)
         fields.set(t)
 
-    held = _held(scene, u, motion, (stabilise, damping), bool(holds.reliant and contacts))
+    held = _held(scene, state, motion, (stabilise, damping), solid, holds)
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
     system = System(state, (solid, *others), holds, (motion, set_loads), check, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
@@ -295,16 +295,17 @@ def _modulus_by_cell(scene: "Scene") -> Floats:
 
 
 def _held(
-    scene: "Scene", u: Function, motion: ToolMotion, asked: tuple[bool, bool], may_be_needed: bool
+    scene: "Scene", state: State, motion: ToolMotion, asked: tuple[bool, bool], solid: FormTerm, holds: Holds
 ) -> list[SpringTerm]:
     """Springs and viscous forces on all bodies, and on free tools where the user asked for them, with stabilise= and with
-    damping=; may_be_needed: springs at bodies that contacts alone hold, as damping may be where contacts have friction."""
+    damping=; springs may be needed at bodies that contacts alone hold, as damping may be where contacts have friction."""
     (stabilise, damping), found = asked, list[SpringTerm]()
-    if stabilise or may_be_needed:
+    stated = partial(springs, scene.space, scene.bodies, scene.groups.dx, state.u)
+    if stabilise or (holds.reliant and holds.contacts):
         free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
-        found.append(Grounding(springs(scene.space, scene.bodies, scene.groups.dx, u), free, stabilise))
+        found.append(Grounding(stated(), free, stabilise, (solid, holds.contacts), state))
     if damping or any(contact.friction.mu > 0.0 for contact in scene.contacts):
-        found.append(Damping(springs(scene.space, scene.bodies, scene.groups.dx, u), lambda: motion.free, damping))
+        found.append(Damping(stated(), lambda: motion.free, damping))
     return found
 
 

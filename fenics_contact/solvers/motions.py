@@ -79,11 +79,9 @@ def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Mo
         mode.du.array[:] = np.random.default_rng(system.comm.rank).uniform(-1.0, 1.0, mode.du.getLocalSize())
     if border is None:
         return _iterated(system, mode)
-    corner = border.corner.copy()  # what it is the difference of is as large as it
-    border.corner[np.diag_indices(free.size)] += max(shift, 10 * ROUNDED * np.abs(corner).max())
-    found = _iterated(system, mode)
-    border.corner[:] = corner
-    return found
+    largest = np.abs(border.corner).max()  # what it is the difference of is as large as it
+    with border.stiffer(max(shift, 10 * ROUNDED * largest)):
+        return _iterated(system, mode)
 
 
 def _iterated(system: System, mode: Motion) -> Motion | None:

@@ -119,6 +119,14 @@ class ReusingSolver:
         if method == "direct":
             self._factorised()
 
+    def go_by(self, choice: Choice | None) -> None:
+        """Ask a choice for the method of each new preconditioner, or none: that in use stays."""
+        self.choice = choice
+
+    def give_up_after(self, iterations: int) -> None:
+        """At most so many in a solve with a new preconditioner."""
+        self.longest = iterations
+
     def _drop(self) -> None:
         """Free PETSc's objects at once, for Python alone never frees what several ranks share."""
         for thing in self._objects:

@@ -160,7 +160,7 @@ def topples_ahead(system: System, goal: float) -> Finding | None:
     u, q, _ = system.trail.last
     found = None
     for _ in _iterates(system, goal):
-        far = system.way_from(u, q) > TIPPED * system.extent
+        far = system.state.way_from(u, q) > TIPPED * system.extent
         soft = _soft(system) if far else None
         if soft and soft[1] < TOPPLES * soft[2] and (found := _toppling(system, soft[0])):
             break
