@@ -292,6 +292,14 @@ def test_what_a_system_consists_of_does_not_know_it():
     assert knowing == {"memory.py"}
 
 
+TWICE = {"Body", "Findings", "Linearised"}  # a user's body and what is asked of it; what a term's and a contact's are; alike
+
+
+def test_a_name_of_a_class_stands_for_one():
+    classes = [n.name for path in MODULES for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ClassDef)]
+    assert {name for name in classes if classes.count(name) > 1 and not name.startswith("_")} == TWICE
+
+
 def test_every_room_of_the_table_exists():
     assert {room_of(path) for path in MODULES} == set(TABLE)
 

@@ -19,7 +19,7 @@ DRAWN = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class ContactLaw:
     """Penalties eps_n, eps_t (ne,) [pressure/length] of the slave elements, Friction, and touch [length]: gaps up to it are
     round-off and closed, slips up to it are none."""
 
@@ -28,7 +28,7 @@ class Law:
     friction: Friction
     touch: float
 
-    def times(self, factor: float) -> "Law":
+    def times(self, factor: float) -> "ContactLaw":
         """The law with penalties greater by a factor."""
         return replace(self, eps_n=self.eps_n * factor, eps_t=self.eps_t * factor)
 
@@ -70,7 +70,7 @@ class Trial:
     """Law and history that a contact is evaluated with; area (ne, nq): reference areas of its points [length^2]; judged
     (ne nq,): gaps, shifts added, that decide what is open and what slips in the place of the present ones; (0,): these."""
 
-    law: Law
+    law: ContactLaw
     history: History
     area: Floats
     judged: Floats = field(default_factory=lambda: PRESENT)
@@ -80,7 +80,7 @@ class Trial:
         """Whether there is friction."""
         return self.law.friction.mu > 0.0
 
-    def under(self, law: Law) -> "Trial":
+    def under(self, law: ContactLaw) -> "Trial":
         return replace(self, law=law)
 
     def with_friction(self, mu: float) -> "Trial":

@@ -16,7 +16,7 @@ from fenics_contact.types import Bools, Floats, Ints
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
-ROUNDINGS = 1e3  # of a gap, see Law: points that have come to rest without load lie within so many, which solves leave
+ROUNDINGS = 1e3  # of a gap, see ContactLaw: points that rest without load lie within so many, which solves leave
 
 
 class Forces:

@@ -10,7 +10,7 @@ from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.scales import ROUNDED
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import State
-from fenics_contact.assembly.trial import DRAWN, History, Law, Response, Trial, Trials
+from fenics_contact.assembly.trial import DRAWN, ContactLaw, History, Response, Trial, Trials
 from fenics_contact.contact.findings import Findings
 from fenics_contact.contact.forces import Forces
 from fenics_contact.contact.friction import stated
@@ -72,7 +72,7 @@ class Contact(ContactTerm):
         comm = state.comm
         self.led, self.forces = Led(self, supports, comm), Forces(self)
         self.parts, self.findings = Parts(self), Findings(self)
-        law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
+        law = ContactLaw(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, penalty.adapts()), Multipliers(self)
         ne, nq = surface.area.shape
         none = partner.anchors.none()

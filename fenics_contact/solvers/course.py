@@ -50,7 +50,7 @@ class Fork:
     number: int
 
 
-class Course(NamedTuple):
+class Route(NamedTuple):
     """Where a path goes: legs {words: function () -> distance of the state from a target, which changes its sign there},
     after each of which but the last it is followed back; stations, alike, where steps land on the way; at which bifurcation
     it takes a branch."""

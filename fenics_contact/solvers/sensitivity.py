@@ -22,7 +22,7 @@ Vary = Callable[[ContactTerm, float], Trial]
 Pressures = Callable[[ContactTerm], Floats]  # of all local nodes, as the system's state has them
 
 
-class Change(NamedTuple):
+class ContactRates(NamedTuple):
     """Of a contact: pressure (n,) at this rank's points, its integral over the surface, load, and the rates of the force on
     the slave (3,), of the pressure and of the load with the parameter; at_nodes, to_nodes: pressures of local nodes and
     their rates, where asked for."""
@@ -39,7 +39,7 @@ class Change(NamedTuple):
 class Sensitivity(NamedTuple):
     """Changes by contact, and the rate of the tools' coordinates (tools, 6) [length]."""
 
-    contacts: dict[str, Change]
+    contacts: dict[str, ContactRates]
     tools: Floats
 
 
@@ -82,7 +82,7 @@ def _along(system: System, vary: Vary, rate: tuple[Floats, Floats], pressures: P
         to_force, to_pressure, to_nodes = ((a - b) / (2.0 * NUDGE) for a, b in zip(more, less, strict=True))
         area, (_, pressure, at_nodes) = term.surface.area.ravel(), now
         load, to_load = system.comm.allreduce(np.array([pressure @ area, to_pressure @ area]))
-        contacts[term.name] = Change(pressure, float(load), to_force, to_pressure, float(to_load), at_nodes, to_nodes)
+        contacts[term.name] = ContactRates(pressure, float(load), to_force, to_pressure, float(to_load), at_nodes, to_nodes)
     return Sensitivity(contacts, dq)
 
 
