@@ -11,7 +11,7 @@ import numpy as np
 
 from fenics_contact.curved import reaching, refuse_ambiguous
 from fenics_contact.folded import Folded, folded
-from fenics_contact.meetings import Meeting, joined_by_nodes, key, meetings, place_of
+from fenics_contact.meetings import Mismatch, joined_by_nodes, key, meetings, place_of
 from fenics_contact.mesh_files.load import load, refuse_without_cells
 from fenics_contact.types import Array, Floats, Ints64
 
@@ -54,7 +54,7 @@ Source = Callable[..., Any] | str | Path  # a script that draws and meshes the c
 
 
 @dataclass(frozen=True)
-class Groups:
+class ModelGroups:
     """dim: of the cells; `volumes`: name -> tag of its cells; `surfaces`: name -> tags of its facets; in a plane mesh of its
     surfaces and its curves; `edges` and `points`: name -> ends (n, 2) of its lines, nodes (n, 1), numbered as the cells'
     nodes are handed over; `cells`: name -> how many; `doubled` and `touching`: Meetings of faces with other cells' faces,
@@ -69,8 +69,8 @@ class Groups:
     edges: dict[str, Ints64]
     points: dict[str, Ints64]
     cells: dict[str, int]
-    doubled: tuple[Meeting, ...]
-    touching: tuple[Meeting, ...]
+    doubled: tuple[Mismatch, ...]
+    touching: tuple[Mismatch, ...]
     folded: tuple[Folded, ...]
 
 
@@ -170,9 +170,9 @@ def places(tags: Ints64) -> Floats:
 
 
 # -- handing over -----------------------------------------------------------------------------------------------------
-def hand_over(processes: int = 1) -> Groups:
+def hand_over(processes: int = 1) -> ModelGroups:
     """Check the model and put in its place what dolfinx is sure to read: cells of one type in disjoint volume groups, facets
-    in disjoint surface groups, no other node or element. Returns its Groups.
+    in disjoint surface groups, no other node or element. Returns its ModelGroups.
 
     A model without volumes whose surfaces are in groups is a plane mesh: of its surfaces, with curves for their sides.
     processes: of more than one ValueError where parts of the mesh have nodes in common, but no face.
@@ -215,7 +215,7 @@ def hand_over(processes: int = 1) -> Groups:
     bodies = [(name, tag, cells[owner == i]) for i, (name, tag) in enumerate(volume_tags.items())]
     _replace(dim, used, X, kind, bodies, facets)
     sizes = dict(zip(names, counts, strict=True))
-    return Groups(dim, volume_tags, facets.tags, edges, points, sizes, doubled, touching, bent)
+    return ModelGroups(dim, volume_tags, facets.tags, edges, points, sizes, doubled, touching, bent)
 
 
 def _cells(dim: int, volumes: dict[str, tuple[int, list[int]]]) -> tuple[int, str, Ints64, Ints64, Array]:

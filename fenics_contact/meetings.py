@@ -19,7 +19,7 @@ _COLLAPSED = 1e-8  # sine between a quadrangle's diagonals, or a triangle's side
 
 
 @dataclass(frozen=True)
-class Meeting:
+class Mismatch:
     """Faces of cells that meet what does not have all of their nodes: how many, the middle of the first, and the groups of
     either side; of cells that a face touches or lies in only the volume is known."""
 
@@ -53,7 +53,7 @@ def place_of(x: Floats) -> str:
 
 def meetings(
     X: Floats, cells: Ints64, shape: Ints64, face_keys: Array, groups_of: Callable[[int], Side], reaches: Reaches
-) -> tuple[tuple[Meeting, ...], tuple[Meeting, ...]]:
+) -> tuple[tuple[Mismatch, ...], tuple[Mismatch, ...]]:
     """(Meetings of faces that lie on one another, of faces that touch or lie in other cells).
 
     X (n, 3): nodes [length]; cells (m, k): their corners; shape (f, j): corners of a cell's faces; face_keys (m f,);
@@ -99,13 +99,13 @@ def _refuse_crowded(faces: Ints64, X: Floats) -> None:
 
 def _gathered(
     X: Floats, faces: Ints64, pairs: Ints64, sides_of: Callable[[int, int], tuple[Side, ...]]
-) -> tuple[Meeting, ...]:
+) -> tuple[Mismatch, ...]:
     """Meetings of pairs (n, 2), the first of each a face, by the (volume, surfaces) of both sides."""
     found: dict[tuple[Side, ...], list[int]] = {}
     for a, b in pairs.tolist():
         found.setdefault(sides_of(a, b), []).append(a)
     return tuple(
-        Meeting(len(those), tuple(X[faces[those[0]]].mean(axis=0).tolist()), *zip(*sides, strict=True))
+        Mismatch(len(those), tuple(X[faces[those[0]]].mean(axis=0).tolist()), *zip(*sides, strict=True))
         for sides, those in found.items()
     )
 

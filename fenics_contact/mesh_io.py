@@ -14,14 +14,14 @@ from fenics_contact import compat, gmsh_model
 from fenics_contact.agreement import collect_together
 from fenics_contact.folded import Folded
 from fenics_contact.gmsh_model import Source
-from fenics_contact.meetings import Meeting, key
+from fenics_contact.meetings import Mismatch, key
 from fenics_contact.types import Floats, Ints, Ints64, Mesh, Space, Tags
 from fenics_contact.values import SceneError, shown
 
 Taken = TypeVar("Taken")
 
 
-class Groups(dict[str, Ints64]):
+class GroupNodes(dict[str, Ints64]):
     """Nodes of groups by name (n, ...); printed as how many there are, for a group may hold all of a mesh."""
 
     def __repr__(self) -> str:
@@ -46,8 +46,8 @@ class NamedMesh:
     surfaces: dict[str, tuple[int, ...]]
     edges: dict[str, Ints64]
     points: dict[str, Ints64]
-    doubled: tuple[Meeting, ...] = ()
-    touching: tuple[Meeting, ...] = ()
+    doubled: tuple[Mismatch, ...] = ()
+    touching: tuple[Mismatch, ...] = ()
     folded: tuple[Folded, ...] = ()
 
     def __repr__(self) -> str:
@@ -152,7 +152,7 @@ def read_gmsh(
     domain.topology.create_connectivity(groups.dim - 1, groups.dim)
     domain.topology.create_connectivity(groups.dim, groups.dim - 1)
     return NamedMesh(
-        domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, Groups(groups.edges), Groups(groups.points),
+        domain, cell_tags, facet_tags, groups.volumes, groups.surfaces, GroupNodes(groups.edges), GroupNodes(groups.points),
         groups.doubled,
         groups.touching,
         groups.folded,

@@ -17,7 +17,7 @@ from fenics_contact.solvers.arc_length import ArcLength, depends_on_load
 from fenics_contact.solvers.augmented import Adapted, Augmented
 from fenics_contact.solvers.continuation import Path
 from fenics_contact.solvers.control import OnStep, judge_balance, run
-from fenics_contact.solvers.course import ArcSteps, Course, Fork
+from fenics_contact.solvers.course import ArcSteps, Fork, Route
 from fenics_contact.solvers.entering import Entering
 from fenics_contact.solvers.held import Following, Held
 from fenics_contact.solvers.linear import LinearSolver
@@ -98,7 +98,7 @@ def plans_of(
             if isinstance(plain, ArcLength) and arcs:
                 legs = [distances(end, scene, system) for end in (arcs.until, arcs.back) if end is not None]
                 stations = distances(list(arcs.stations), scene, system)
-                path = Path(system, plain, stepper, arcs, Course(legs, stations, _fork(arcs, scene, system)))
+                path = Path(system, plain, stepper, arcs, Route(legs, stations, _fork(arcs, scene, system)))
             notes = [] if arcs else [stage.says(note) for note in passed_by(system, shares)]
         plans.append(Plan(stage, shares, solver, stepper, path, softened, not _steady_alone(built), notes))
     system.set_loads(0.0)

@@ -82,7 +82,7 @@ class Keeper:
                 f"the checkpoint in '{self._folder}' is of another scene, {what}: {there} there, {here} here; resume with "
                 "the script that wrote it, or start anew with overwrite=True in the place of resume"
             )
-        self._stages.ends += ends
+        self._stages.leave(*ends)
         self._restore(arrays, content)
 
     def _newest(self) -> tuple[dict[str, Any], dict[str, Any]] | tuple[None, None]:
@@ -120,7 +120,7 @@ class Keeper:
                 "resume"
             ) from None
         if self._softened:
-            self._softened.helps = content["softened"]
+            self._softened.recall(content["softened"])
         self._kept = arrays, content.get("results", {})
         self.verdict, self.rows, self.resumed = verdict, content["rows"], True
         self.verdict.resumed.append(len(self.rows))
@@ -131,7 +131,7 @@ class Keeper:
         if numbers:
             results.recall(partial(self._memory.rows, arrays), numbers)
         if self._strained is not None:
-            results.most_strained = numbers["most_strained"], self._strained
+            results.recall_most_strained(numbers["most_strained"], self._strained)
 
     @property
     def _path(self) -> Continuation | None:

@@ -19,7 +19,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import RigidTool, Tool
 from fenics_contact.costs import Costs, errors, greatest
 from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
-from fenics_contact.output.carrying import Carried, sparse_notes, unresolved_notes
+from fenics_contact.output.carrying import Carriers, sparse_notes, unresolved_notes
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
     Summary,
@@ -224,13 +224,13 @@ def _unmet(built: Built, loads: Mapping[str, float]) -> dict[str, str]:
     return {name: note for name, note in found.items() if note}
 
 
-def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carried:
+def _carried_by(contact: ContactTerm, scene: Scene, system: System) -> Carriers:
     """How few points carry a contact roughly: nodes of a facet or two, fewer Gauss points than a facet has. Collective."""
     s, few = contact.surface, 3 if scene.section else 4
     area = system.comm.allreduce(float(s.area.sum()))
     if s.at_nodes:
-        return Carried(area, few)
-    return Carried(area, s.area.shape[1] - 1, "Gauss point")
+        return Carriers(area, few)
+    return Carriers(area, s.area.shape[1] - 1, "Gauss point")
 
 
 def _started(start: object, scene: Scene) -> Start | None:

@@ -82,12 +82,13 @@ def test_a_spoilt_tangent_is_caught(result, law, monkeypatch):
     term = next(term for term in system.terms if term.name == kind)
     right = term.tangent
 
-    def spoilt(state):
-        blocks = right(state)
+    def spoilt(state, trials):
+        blocks = right(state, trials)
         if kind != "floor":
             return replace(blocks, forms=2 * blocks.forms)
         codes, (nodes, values) = {"normal": 1, "stick": 2, "slip": 3}, blocks.cells
-        held = term.response(state).status[term.trial.area > 0.0]
+        trial = trials[term]
+        held = term.response(state, trial).status[trial.area > 0.0]
         twice = COMM.allreduce(int((held == codes[law]).sum())) > 0
         return replace(blocks, cells=(nodes, 2.0 * values)) if twice else blocks
 

@@ -31,7 +31,7 @@ from fenics_contact.meshes import box, punch_plate, two_blocks
 from fenics_contact.solvers.arc_length import ArcLength
 from fenics_contact.solvers.augmented import Adapted, Augmented, misfit
 from fenics_contact.solvers.continuation import Path
-from fenics_contact.solvers.course import Course
+from fenics_contact.solvers.course import Route
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.verdict import StepFailed, Verdict
@@ -315,7 +315,7 @@ def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
     contact, reports, verdict = system.contacts[0], [], Verdict()
     leg = {"the load": lambda: system.state.t - 1.0}
     arc = ArcLength(LinearSolver(system, afresh=True))
-    path = Path(system, arc, Adapted(Augmented(arc, limit=8), arc.linear), ArcSteps(until=None, first=0.5), Course([leg]))
+    path = Path(system, arc, Adapted(Augmented(arc, limit=8), arc.linear), ArcSteps(until=None, first=0.5), Route([leg]))
     path.follow(lambda report, *_: reports.append(report), verdict)
     assert verdict.converged and abs(system.state.t - 1.0) <= 1e-6, verdict.reason
     report = reports[-1]

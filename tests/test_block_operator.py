@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from fenics_contact import Body, Method, Scene, mooney_rivlin, read_gmsh, rigid_plane, solve
 from fenics_contact.assembly import block_operator
-from fenics_contact.assembly.block_operator import Blocks
+from fenics_contact.assembly.block_operator import BlockOperator
 from fenics_contact.assembly.gauss_seidel import GaussSeidel
 from fenics_contact.kernels.block_products import add_product
 from fenics_contact.meshes import box, two_blocks
@@ -53,7 +53,7 @@ def test_the_product_is_petsc_s(kind):
     system = tangent()
     x, ours, theirs = some(system), system.new_vector(), system.new_vector()
     matrix = system.matrix if kind == "baij" else system.matrix.convert("aij", out=PETSc.Mat())
-    blocks = Blocks(matrix)
+    blocks = BlockOperator(matrix)
     for _ in range(2):
         matrix.mult(x, theirs)
         blocks.mat.mult(x, ours)
@@ -65,7 +65,7 @@ def test_the_product_is_petsc_s(kind):
 
 def test_another_matrix_can_be_given():
     system, other = tangent(), tangent(3)
-    blocks = Blocks(system.matrix)
+    blocks = BlockOperator(system.matrix)
     larger = system.matrix.copy()
     larger.shift(7.0)
     x, ours, theirs = some(system), system.new_vector(), system.new_vector()
@@ -78,7 +78,7 @@ def test_another_matrix_can_be_given():
     del system
     gc.collect()
     x, ours, theirs = some(other), other.new_vector(), other.new_vector()
-    blocks = Blocks(other.matrix)
+    blocks = BlockOperator(other.matrix)
     other.matrix.mult(x, theirs)
     blocks.mat.mult(x, ours)
     assert apart(ours, theirs) < 1e-14
@@ -88,7 +88,7 @@ def test_another_matrix_can_be_given():
 def test_the_blocks_on_the_diagonal_are_inverted():
     system = tangent()
     system.matrix.shift(1e-3)
-    blocks = Blocks(system.matrix)
+    blocks = BlockOperator(system.matrix)
     inverse = system.matrix.invertBlockDiagonal().reshape(-1, 3, 3)
     for _ in range(2):
         found = np.zeros(9 * blocks.rows)
@@ -112,7 +112,7 @@ def test_sweeps_are_those_of_gauss_and_seidel(sweeps):
     """By the triangles of the whole matrix, rows in the order of the sweeps; again once the matrix has changed."""
     system = tangent(2)
     system.matrix.shift(1e-3)
-    blocks, pc = Blocks(system.matrix), PETSc.PC().create(COMM)
+    blocks, pc = BlockOperator(system.matrix), PETSc.PC().create(COMM)
     pc.setOperators(blocks.rounded)
     relaxation, (inner, border, place, turn, turns) = GaussSeidel(pc, blocks, sweeps), blocks.order
     assert (turns > 1) == (COMM.size > 1) and (len(border) > 0) == (COMM.size > 1)
@@ -153,7 +153,7 @@ def test_a_cycle_is_linear_and_lowers_the_error(levels):
     system.assemble_tangent()
     matrix = system.supports.eliminated(system.matrix, 1.0)
     scalars = matrix.convert("aij", out=PETSc.Mat())
-    blocks = Blocks(matrix)
+    blocks = BlockOperator(matrix)
     pc, _kept = multigrid(hierarchy_of(scalars, "test_"), blocks, "test_")
     assert (pc.getType() == "mg") == (levels > 1)
     assert (scalars.refcount == 1) == (levels > 1)

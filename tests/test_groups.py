@@ -12,7 +12,7 @@ from mpi4py import MPI
 from refusals import refused
 
 from fenics_contact import Body, Scene, compat, neo_hooke, read_gmsh, rigid_surface, solve
-from fenics_contact.mesh_io import Groups
+from fenics_contact.mesh_io import GroupNodes
 from fenics_contact.meshes import box, two_blocks
 
 pytestmark = pytest.mark.parallel
@@ -368,6 +368,6 @@ def test_a_body_inside_another_is_said():
 
 def test_groups_of_nodes_are_printed_short():
     """A file's node set may hold all nodes of its mesh."""
-    groups = Groups({"all": np.arange(5000, dtype=np.int64)[:, None], "tip": np.zeros((1, 1), dtype=np.int64)})
+    groups = GroupNodes({"all": np.arange(5000, dtype=np.int64)[:, None], "tip": np.zeros((1, 1), dtype=np.int64)})
     assert str(groups) == "{'all': 5000 of them, 'tip': 1 of them}" and len(groups["all"]) == 5000
-    assert isinstance(read_gmsh(overlapping).points, Groups)
+    assert isinstance(read_gmsh(overlapping).points, GroupNodes)

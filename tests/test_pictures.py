@@ -46,7 +46,7 @@ from fenics_contact.output.pictures import DOTS, LETTERS, PIECES, WIDTH, save
 from fenics_contact.output.plot import drawing
 from fenics_contact.output.raster import rasterised
 from fenics_contact.output.render import pyvista_works
-from fenics_contact.output.skin import Skin, normals, symmetry_planes
+from fenics_contact.output.skin import DrawnSkin, normals, symmetry_planes
 from fenics_contact.output.views import from_angles
 from fenics_contact.values import SceneError
 
@@ -422,7 +422,7 @@ def test_a_status_map_has_a_legend_of_its_four_words(rolled, punched):
 def flat_facet(corners, values):
     """A body of one facet with a contact field."""
     corners = np.array([corners], dtype=float)
-    return Skin(corners, corners, np.array([values]), np.array([True]), np.zeros(1, dtype=np.int64))
+    return DrawnSkin(corners, corners, np.array([values]), np.array([True]), np.zeros(1, dtype=np.int64))
 
 
 def test_what_is_nearer_hides_pixel_by_pixel():

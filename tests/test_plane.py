@@ -142,7 +142,9 @@ def test_two_bodies_meet_as_in_a_layer(friction, options):
 TOOLS = {
     "plane": lambda at, way, axis: rigid_plane(at(0.0, 0.0), way(0.0, -1.0), name="tool"),
     "cylinder": lambda at, way, axis: rigid_cylinder(0.6, at(1.4, 0.6), axis, name="tool"),
-    "filleted": lambda at, way, axis: rigid_punch(0.45, 0.5, at(1.4, 0.0), 1.0, way(0.0, -1.0), 0.1, name="tool"),
+    "filleted": lambda at, way, axis: rigid_punch(
+        0.45, 0.5, at(1.4, 0.0), half_depth=1.0, direction=way(0.0, -1.0), fillet=0.1, name="tool"
+    ),
 }
 
 

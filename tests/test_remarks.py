@@ -26,7 +26,7 @@ from fenics_contact import (
 )
 from fenics_contact.assembly.finding import CYCLING, INVERTED, UNKNOWN, Finding, Remark
 from fenics_contact.meshes import box, graded_rectangle, rectangles, ring_sector, two_blocks
-from fenics_contact.output.carrying import Carried, sparse_notes
+from fenics_contact.output.carrying import Carriers, sparse_notes
 from fenics_contact.solvers.verdict import OVERLAPS, Verdict
 
 pytestmark = pytest.mark.parallel
@@ -241,7 +241,7 @@ def test_a_ball_on_less_than_a_facet_of_gauss_points_is_told(cells, told):
 
 def test_contacts_that_few_nodes_carry_are_one_note():
     row = {f"{name}_{of}": 2.0 for name in ("top", "bot") for of in ("load_N", "active_points", "peak_pressure_MPa")}
-    (note,) = sparse_notes([row], {"top": Carried(1.0, 3), "bot": Carried(1.0, 3)}, Units())
+    (note,) = sparse_notes([row], {"top": Carriers(1.0, 3), "bot": Carriers(1.0, 3)}, Units())
     assert all(f"contact '{name}': 2 slave nodes carry" in note for name in ("top", "bot"))
     assert note.count("mesh more finely") == 1
 

@@ -162,12 +162,15 @@ def vectors(result, name, unit):
     return np.column_stack([result.column(f"{name}_{axis}_{unit}") for axis in "xyz"])
 
 
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
 def rolled(turn, method="newton", steps=6):
     """A cylinder pressed into a block, then rolled on with some slip, all of it turned about the origin."""
     cylinder = rigid_cylinder(4.0, turn @ (0, 0, 4.0), turn @ (0, 1.0, 0))
     ways = [lambda t, a=a: (turn @ (1.2 * max(t - 0.4, 0.0), 0, -0.6 * min(2.5 * t, 1.0)))[a] for a in range(3)]
     spins = [lambda t, a=a: (turn @ (0, 0.9 * max(t - 0.4, 0.0), 0))[a] for a in range(3)]
-    motion = Motion(None, *ways, *spins)
+    motion = Motion(**dict(zip(AXES, ways + spins, strict=True)))
     scene = rubber(cylinder, 0.3, cells=(6, 3, 2), turn=turn, points=2)
     return solve(scene, move={cylinder: motion}, method=method, steps=steps)
 
@@ -401,7 +404,7 @@ def test_a_hub_leads_what_is_tied_to_it(method):
     """As the same motion stated node by node; the wrench that it takes, as a load, leads to the same motion."""
     end, about = np.array([0.1, -0.05, 0.2, 0.2, -0.3, 0.5]), np.array([0.2, 0.1, 1.5])
     hub = rigid_hub("hub", about)
-    led = solve(shaken(hub), move={hub: Motion(None, *end)}, steps=3, method=method)
+    led = solve(shaken(hub), move={hub: Motion(**dict(zip(AXES, end, strict=True)))}, steps=3, method=method)
     force, moment = vectors(led, "hub_force", "N"), vectors(led, "hub_moment", "Nmm")
 
     def placed(X, t):

@@ -92,6 +92,9 @@ class Solver:
     def __init__(self, choice=None):
         self.method, self.choice = "iterative", choice
 
+    def go_by(self, choice):
+        self.choice = choice
+
     def use(self, method):
         self.method = method
 

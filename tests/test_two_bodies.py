@@ -13,7 +13,7 @@ from taylor import forces, foreseen_left, orders, remainders
 from fenics_contact import Body, Method, Scene, SceneError, Stage, compat, mooney_rivlin, read_gmsh, solve
 from fenics_contact.assembly.pose import rotation
 from fenics_contact.contact.master import MasterSurface
-from fenics_contact.kernels.status import CLOSED, SLIP, STICK
+from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.meshes import two_blocks
 from fenics_contact.studies.tubes import BASE as TUBES
 from fenics_contact.studies.tubes import tubes
@@ -136,6 +136,26 @@ def test_tangent_is_the_derivative_of_the_residual(points, friction, shift, stat
     assert orders(remainders(system, contact, 1e-3)).min() > 1.99
     if contact.symmetric:
         assert system.matrix.convert("aij", out=PETSc.Mat()).isSymmetric(1e-9)  # entries of size eps times area: 1e2
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", ["nodes", "corners", "averages", 2])
+def test_a_trial_is_tried_without_the_contact_s_own(points, monkeypatch):
+    """Residual and tangent of points that the trial alone has pressing, on facets that they did not meet before."""
+    system, contact = deformed(points, 0.1, (1.5, 0.3, -0.02))
+    system.assemble_tangent()
+    system.state.u.x.array.reshape(-1, 3)[np.unique(contact.surface.nodes)] += (6.0, 0.0, 5.0)
+    trial = contact.trial.nearer(contact.response(system.state).gap + 0.02)
+    assert (contact.response(system.state).status == OPEN).all()
+    with monkeypatch.context() as patch:
+        patch.setattr(contact, "take", None)
+        size = system.assemble_residual(trials={contact: trial})
+        system.assemble_tangent(trials={contact: trial})
+    tried = system.matrix.getValuesCSR()[2].copy()
+    contact.take(trial)
+    assert size == system.assemble_residual()
+    system.assemble_tangent()
+    assert np.array_equal(tried, system.matrix.getValuesCSR()[2]) and (contact.statuses() != OPEN).any()
 
 
 def turned_about(system, contact, turns):

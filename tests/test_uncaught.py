@@ -7,7 +7,7 @@ import sys
 import pytest
 from test_restart import alone, mpirun
 
-from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, solve
+from fenics_contact import ArcSteps, Body, Load, Motion, Scene, Stage, neo_hooke, read_gmsh, rigid_punch, solve
 from fenics_contact.meshes import box
 from fenics_contact.studies import Study
 from fenics_contact.uncaught import unknown_word
@@ -82,6 +82,21 @@ def test_a_wrong_statement_shows_its_line_and_message_alone(tmp_path, what, line
     first, place, shown, last = text.strip().splitlines()
     assert code == 1 and first.startswith("Traceback") and "scene.py" in place
     assert shown.strip() == line and last.startswith(message)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: rigid_punch(1.0, 1.0, (0, 0, 0), 0.5),
+        lambda: Stage("in", {}),
+        lambda: ArcSteps(Load(1.0), None),
+        lambda: Motion((0, 0, 0)),
+    ],
+)
+def test_what_no_order_tells_is_named(call):
+    """One of many values more or less, or a new one among them, would change what the others mean, in silence."""
+    with pytest.raises(TypeError, match="positional"):
+        call()
 
 
 def test_of_a_word_that_a_call_has_not_it_is_said_where_it_lives_or_what_it_resembles():

@@ -38,7 +38,7 @@ class Order(NamedTuple):
     turns: int
 
 
-class Blocks:
+class BlockOperator:
     """y = A x with a matrix of 3x3 blocks, whose entries are not copied, as a PETSc Mat of type shell, `mat`.
 
     PETSc's own kernel reads the entries past the caches, which takes two to four times as long. `use` gives the matrix, on

@@ -60,7 +60,7 @@ def insert(blocks: Blocks, matrix: PETSc.Mat, border: Border | None) -> None:
     if blocks.tool is not None:
         _insert_tool(blocks.tool, border)
     if blocks.free is not None:
-        border.corner += np.diag(blocks.free)
+        border.add(np.diag(blocks.free))
 
 
 def _add(rows: Ints64, columns: Ints64, blocks: Floats, whole: bool, matrix: Mat) -> None:
@@ -98,7 +98,7 @@ def _check(rows: Ints64, columns: Ints64, whole: bool, matrix: Mat) -> None:
 def _insert_tool(tool: ToolBlocks, border: Border) -> None:
     mine = slice(6 * tool.index, 6 * tool.index + 6)
     scatter_border(tool.nodes, tool.columns, tool.rows, border.columns[mine], border.rows[mine])
-    border.corner[mine, mine] += tool.corner
+    border.add(tool.corner, mine, mine)
 
 
 def tool_blocks(index: int, pose: Pose, nodes: Array, at: tuple[Floats, Floats], rates: tuple[Floats, Floats]) -> ToolBlocks:

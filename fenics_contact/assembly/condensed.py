@@ -8,6 +8,7 @@ import numpy as np
 from fenics_contact import compat
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.term import Energy, FormTerm, State, Swelling
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Array, Floats, Form, Function, Ints64, Space
 
 
@@ -122,11 +123,13 @@ class CondensedPressure(FormTerm):
         self._predicted.x.array[self._pressure_dofs] = values
         return values
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
         self._evaluate()
         super().add_residual(state, residual, tool_residual)
 
-    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+    def add_followed_residual(
+        self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None
+    ) -> None:
         """The residual at the pressure of the tangent."""
         kept = self._evaluate()
         self.pressure.x.array[self._pressure_dofs] = self._follow(state)
@@ -143,7 +146,7 @@ class CondensedPressure(FormTerm):
         self._evaluate()
         return super().swelling()
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         eliminated, own = self._evaluate(), self._follow(state)
         coupling = self._coupling.assemble()
         dilatation = self._inverse_mass @ coupling  # its rate with the cell's displacement

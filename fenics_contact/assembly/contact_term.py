@@ -1,6 +1,6 @@
 """What solvers and the output ask of a contact; of what is its own they know that it can be handed back: `Any`."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from typing import Any, NamedTuple, Protocol
 
@@ -249,7 +249,7 @@ class ContactParts(Protocol):
 
     def part(self, mask: Bools, frictionless: bool = False) -> Trial: ...
 
-    def branches(self, state: State) -> Array: ...
+    def branches(self, state: State, trial: Trial | None = None) -> Array: ...
 
 
 class ContactTerm(Term, Protocol):
@@ -277,8 +277,6 @@ class ContactTerm(Term, Protocol):
     @property
     def rough(self) -> bool: ...
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Trial | None = None) -> None: ...
-
     def response(self, state: State, trial: Trial | None = None) -> Response: ...
 
     def take(self, trial: Trial) -> None: ...
@@ -286,6 +284,3 @@ class ContactTerm(Term, Protocol):
     def hold_sights(self, state: State) -> bool: ...
 
     def resample(self, state: State) -> bool: ...
-
-
-Trials = Mapping[ContactTerm, Trial]  # with what contacts are evaluated in the place of their own

@@ -19,6 +19,10 @@ class Damping(SpringTerm):
         self.fluids_stay = False
         self.most = {"jumps": 0.0, "work": 0.0, "work_share": 0.0}
 
+    def keep_fluids(self, stay: bool) -> None:
+        """Let fluids only go on from now, or be taken back too."""
+        self.fluids_stay = stay
+
     def took(self, work: float, strain: float) -> None:
         """A jump has let go of so much energy, and left that of strains [force length]."""
         most, share = self.most, work / max(work + strain, 1e-300)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.term import State, Term
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Floats
 
 
@@ -26,6 +27,10 @@ class Foresight:
         self.linearised: dict[Term, Any] = {}
         self._told: dict[ContactTerm, Floats] = {}  # what the last tangent foresaw, where samples have changed since
         self._samples_held = False
+
+    def learn(self, term: Term, at: Any) -> None:
+        """A tangent has been taken where a term's points were `at`."""
+        self.linearised[term] = at
 
     def foresee(self, state: State) -> None:
         """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.assembly.block_operator import Blocks, called_back, entries
+from fenics_contact.assembly.block_operator import BlockOperator, called_back, entries
 from fenics_contact.assembly.petsc_memory import HANDLE, called
 from fenics_contact.kernels.block_products import BlockRows, sweep_down, sweep_up
 from fenics_contact.types import Ints64
@@ -20,7 +20,7 @@ class GaussSeidel:
     of each one's own columns alone diverge where several meet.
     """
 
-    def __init__(self, pc: Any, blocks: Blocks, sweeps: int) -> None:
+    def __init__(self, pc: Any, blocks: BlockOperator, sweeps: int) -> None:
         self._blocks, self._sweeps, self._inverses = blocks, sweeps, np.zeros(9 * blocks.rows)
         above, below, self._right = (np.zeros(3 * blocks.rows) for _ in range(3))
         self._parts = above, below  # products with what lies above and below the diagonal

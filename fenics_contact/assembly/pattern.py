@@ -6,6 +6,7 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.assembly.exchange import lasting
 from fenics_contact.assembly.term import FormTerm, State, Term
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Form, Ints64, Mat, Space
 
 
@@ -70,11 +71,12 @@ class Couplings:
         self.patterns += 1
         return matrix
 
-    def suited(self, matrix: Mat, state: State) -> Mat:
-        """The matrix as it is, or a new one where a term, on any rank, asks for others at this state. Collective."""
+    def suited(self, matrix: Mat, state: State, trials: Trials | None = None) -> Mat:
+        """The matrix as it is, or a new one where a term, on any rank, asks for others at this state, with these trials.
+        Collective."""
         changed = False
         for i, term in enumerate(self._terms):
-            keys = term.couplings(state)
+            keys = term.couplings(state, trials)
             if keys is not None:
                 self._keys[i], changed = keys, True
         return self.matrix() if self._comm.allreduce(int(changed)) else matrix

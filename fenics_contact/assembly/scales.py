@@ -58,6 +58,18 @@ class Scales:
         """Force [force] that may be out of balance, though balance is found, where bodies carry none: less is not known."""
         return max(TOLERANCE * UNSTRAINED * self.stiffness * self.farthest, self.noise)
 
+    def meet(self, forces: float) -> None:
+        """The largest norm of a single term at the state at hand [force]."""
+        self.forces = forces
+
+    def meet_stiffness(self, stiffness: float) -> None:
+        """The largest diagonal entry of the tangent at hand [force/length]."""
+        self.stiffness = max(self.stiffness, stiffness)
+
+    def go_by(self, accepted: float) -> None:
+        """Take for the largest force of accepted states this one: states since were of no load path [force]."""
+        self.accepted = accepted
+
     def commit(self) -> None:
         """The state is accepted. Collective."""
         self.accepted, self._accepted_stiffness = self.largest, self.stiffness

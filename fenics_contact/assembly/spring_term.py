@@ -7,6 +7,7 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm, LinearForm
 from fenics_contact.assembly.term import FormTerm, State
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Bools, Constant, Floats, Form, Function
 
 # share of stiffness, places the springs pull to, (residual, tangent), on tools
@@ -45,8 +46,8 @@ class SpringTerm(FormTerm):
         """kappa over E/L^2."""
         return float(self._constant.value)
 
-    @share.setter
-    def share(self, value: float) -> None:
+    def resist(self, value: float) -> None:
+        """Take springs of this share of stiffness, 0: none."""
         if value > 0.0 and not self._residuals:
             residual, tangent = self._forms
             self._residuals, self._tangents = [LinearForm(residual)], [CellForm(tangent, symmetric=True)]
@@ -64,13 +65,13 @@ class SpringTerm(FormTerm):
     def _tool_pull(self, state: State) -> Floats:
         return np.where(self._free(), self.share * self._on_tools * (state.q - self._q), 0.0)
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
         if self.share > 0.0:
             super().add_residual(state, residual, tool_residual)
             if self._first_rank:
                 tool_residual += self._tool_pull(state)
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         if not self.share > 0.0:
             return Blocks()
         on_tools = np.where(self._free(), self.share * self._on_tools, 0.0).ravel() if self._first_rank else None

@@ -32,6 +32,14 @@ class Stages:
         self.ends: list[End] = []
         self.ahead = False
 
+    def begin(self, origin: End) -> None:
+        """The first stage begins where another run ended."""
+        self.origin = origin
+
+    def leave(self, *ends: End) -> None:
+        """Stages from the one that is on have ended so."""
+        self.ends += ends
+
     def __len__(self) -> int:
         return len(self.names)
 

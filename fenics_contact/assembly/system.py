@@ -10,7 +10,6 @@ from fenics_contact import compat
 from fenics_contact.assembly.acceptance import Acceptance
 from fenics_contact.assembly.blocks import Blocks, insert
 from fenics_contact.assembly.border import Border
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
 from fenics_contact.assembly.finding import Finding, Foremost, foremost
@@ -25,6 +24,7 @@ from fenics_contact.assembly.stages import End
 from fenics_contact.assembly.term import FluidTerm, FormTerm, State, Term
 from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.assembly.trail import Trail
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.timing import Timers
 from fenics_contact.types import Floats, Vec
 
@@ -85,8 +85,6 @@ class System:
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
         self.foresight = Foresight(self.contacts)
         self.acceptance = Acceptance(state, terms, check, holds, self.scales, self.grounding)
-        if self.grounding:
-            self.grounding.bind(self)
 
     # -- a step -------------------------------------------------------------------------------------------------------
     def begin_step(self, t: float) -> tuple[Floats, Floats]:
@@ -96,16 +94,16 @@ class System:
         owed = self.places(t) - self.supports.held(self.state.u.x.array)
         return owed, np.where(self.tools.free, 0.0, self.tools.prescribed(t) - self.state.q)
 
-    def assemble_residual(self, followed: bool = False) -> float:
+    def assemble_residual(self, followed: bool = False, trials: Trials | None = None) -> float:
         """Fill residual_vector (supports' dofs zero) with (23), and tool_residual; returns the out-of-balance norm [force].
 
         `scales.forces` is then the largest norm of a single term, reactions included: the scale of the residual.
-        followed: with condensed unknowns where the last tangent's linearisation puts them, see Term.
+        followed: with condensed unknowns where the last tangent's linearisation puts them; trials: see Term.
         """
         total = self.residual_vector
         total.set(0.0)
         tool_residual = np.zeros_like(self.tool_residual)
-        self.scales.forces = 0.0
+        largest = 0.0
         for term in self.terms:
             if term in self.springs and not term.share > 0.0:
                 continue
@@ -114,10 +112,11 @@ class System:
                     local.set(0.0)
                     array = local.array_w
                     add = term.add_followed_residual if followed else term.add_residual
-                    add(self.state, array, tool_residual)
+                    add(self.state, array, tool_residual, trials)
                 sum_to_owners(self._work)
-                self.scales.forces = max(self.scales.forces, self._work.norm())
+                largest = max(largest, self._work.norm())
                 total.axpy(1.0, self._work)
+        self.scales.meet(largest)
         with total.localForm() as local:
             self.reactions = self.supports.held_forces(local.array_r)
             self.supports.ties.add_wrenches(self.state.poses, self.state.q, local.array_r, tool_residual)
@@ -128,37 +127,36 @@ class System:
         return float(np.hypot(total.norm(), np.linalg.norm(free)))
 
     def assemble_tangent(
-        self, terms: Sequence[Term] | None = None, trials: Trials | None = None, more: Iterable[Blocks] = ()
+        self, terms: Sequence[Term] | None = None, trials: Trials | None = None, more: Iterable[Blocks] | None = None
     ) -> None:
         """Fill the matrix (supports not yet eliminated) with the rates of (24), and the border; of some terms if so asked,
         whose motions are those of all nodes and tools, tied or not.
 
-        trials: what contacts are evaluated with in the place of their own; more: what is no term's, and no scale.
+        trials: see Term; more: what is no term's, and tells nothing of scales.
         """
         with self.timers("insertion"):
-            self.matrix = self.couplings.suited(self.matrix, self.state)
+            self.matrix = self.couplings.suited(self.matrix, self.state, trials)
         with self.timers("bulk tangent"):  # whose blocks nearly all are
             self.matrix.zeroEntries()
         if self.border is not None:
             self.border.clear()
-        with self.foresight.trying(trials or {}):
-            for term in self.terms if terms is None else terms:
-                with self.timers("bulk tangent"):
-                    blocks = term.tangent(self.state)
-                with self.timers("bulk tangent" if blocks.forms else "insertion"):
-                    insert(blocks, self.matrix, self.border)
-                self.foresight.linearised[term] = blocks.at
+        for term in self.terms if terms is None else terms:
+            with self.timers("bulk tangent"):
+                blocks = term.tangent(self.state, trials)
+            with self.timers("bulk tangent" if blocks.forms else "insertion"):
+                insert(blocks, self.matrix, self.border)
+            self.foresight.learn(term, blocks.at)
         with self.timers("insertion"):
             self.matrix.assemble()
-            largest = self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY)
-            self.scales.stiffness = max(self.scales.stiffness, largest)
-            for blocks in more:
-                insert(blocks, self.matrix, self.border)
-            self.matrix.assemble()
+            self.scales.meet_stiffness(self.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY))
+            if more is not None:
+                for blocks in more:
+                    insert(blocks, self.matrix, self.border)
+                self.matrix.assemble()
             if self.border is not None:
                 if terms is None and self.supports.ties:
                     self._extend_border(self.border)
-                self.border.corner = self.comm.allreduce(self.border.corner)
+                self.border.sum_corner(self.comm)
 
     def _extend_border(self, border: Border) -> None:
         """Let tools carry along what is tied to them. Collective."""
@@ -194,11 +192,6 @@ class System:
         stated = self.tools.forces(self.state.t)
         forces = np.where(self.tools.free, stated, self.tool_residual + stated)
         return End(self.state.t, self.state.q.copy(), forces)
-
-    def way_from(self, u: Floats, q: Floats) -> float:
-        """Largest motion [length] of a node or a tool from u (local array) and q to the state. Collective."""
-        way = max(self.comm.allgather(np.abs(self.state.u.x.array - u).max(initial=0.0)))
-        return max(way, np.abs(self.state.q - q).max(initial=0.0))
 
     def length(self, du: Vec, dq: Floats) -> float:
         """Of a motion: root of the mean square over the nodes, tools on top [length]. Collective."""

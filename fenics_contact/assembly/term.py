@@ -13,6 +13,7 @@ from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.cell_forms import CellForm, LinearForm
 from fenics_contact.assembly.finding import Finding, Remark
 from fenics_contact.assembly.pose import Pose, Poses
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Array, Constant, Floats, Form, Function, Ints64
 
 
@@ -34,6 +35,11 @@ class State:
     def comm(self) -> MPI.Comm:
         """Of all ranks that have a part of the state."""
         return self.u.function_space.mesh.comm
+
+    def way_from(self, u: Floats, q: Floats) -> float:
+        """Largest motion [length] of a node or a tool from u (local array) and q. Collective."""
+        way = max(self.comm.allgather(np.abs(self.u.x.array - u).max(initial=0.0)))
+        return max(way, np.abs(self.q - q).max(initial=0.0))
 
     @property
     def travel(self) -> Floats:
@@ -78,8 +84,8 @@ class Healthy(Findings):
 
 
 class Term(Protocol):
-    """A part of the virtual power. Evaluation depends on the state, of a contact on its trial too; only commit writes
-    history, of which by default there is none.
+    """A part of the virtual power. Evaluation depends on the state and on what contacts are evaluated with, which is their
+    own unless `trials` have another one; only commit writes history, of which by default there is none.
 
     symmetric: is its tangent so; condensed: has it unknowns of its own that are condensed out, for which
     add_followed_residual gives the residual at the values that they have by the last tangent's linearisation, where
@@ -92,20 +98,22 @@ class Term(Protocol):
     key: Ints64
     findings: Findings
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None: ...
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None: ...
 
-    def add_followed_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+    def add_followed_residual(
+        self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None
+    ) -> None:
         """By default the residual: there are no other unknowns."""
-        self.add_residual(state, residual, tool_residual)
+        self.add_residual(state, residual, tool_residual, trials)
 
-    def couplings(self, state: State) -> Ints64 | None:
+    def couplings(self, state: State, trials: Trials | None = None) -> Ints64 | None:
         """None while the couplings given last, at first none, suffice; else keys row * N + column of global blocks.
 
         They come on top of the cells' own. Called on all ranks before every tangent; another rank may have other keys.
         """
         return None
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         """Blocks of the tangent."""
         ...
 
@@ -175,7 +183,7 @@ class FormTerm(Term):
         self._by_field = [(field, compat.compile_form(rate)) for field, rate in (energy.by_field if energy else ())]
         self.tangent_form = self._tangents[0].whole if self._tangents else None  # its cells' couplings are the pattern
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
         for form in self._residuals:
             form.add(residual)
 
@@ -193,7 +201,7 @@ class FormTerm(Term):
             compat.assemble_vector(at_nodes, rate)
         return (numbers, rates), fields
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         return Blocks(forms=tuple(self._tangents))
 
 

@@ -76,19 +76,19 @@ class Ties:
             mine, dofs = slice(6 * body, 6 * body + 6), _dofs(nodes)
             ahead[mine, dofs] += pose.by_coordinates(motions).reshape(-1, 6).T
             pull[mine, dofs] += motions.reshape(-1, 6).T / np.repeat([1.0, pose.lever], 3)[:, None]
-            border.corner[mine, mine] += self._turned(pose, nodes, forces, motions)
-        border.corner[:, moving] += border.rows @ ahead[moving].T
-        border.corner[moving] += pull[moving] @ border.columns.T
+            border.add(self._turned(pose, nodes, forces, motions), mine, mine)
+        border.add(border.rows @ ahead[moving].T, columns=moving)
+        border.add(pull[moving] @ border.columns.T, moving)
         way, force = matrix.createVecs()
         owned = way.getLocalSize()
         for c in moving:
             way.array[:] = ahead[c, :owned]
             matrix.mult(way, force)
-            border.columns[c, :owned] += force.array_r
-            border.corner[moving, c] += pull[moving, :owned] @ force.array_r
+            border.add_column(c, force.array_r)
+            border.add(pull[moving, :owned] @ force.array_r, moving, c)
             force.array[:] = pull[c, :owned]
             matrix.multTranspose(force, way)
-            border.rows[c, :owned] += way.array_r
+            border.add_row(c, way.array_r)
 
     def _turned(self, pose: Pose, nodes: Ints64, forces: Floats, motions: Floats) -> Floats:
         """Rate (6, 6) of the wrench of forces that stay as they are while their places turn."""

@@ -67,7 +67,7 @@ class Trail:
     def next_stage(self, end: End) -> None:
         """The stage that is on ends at the last state, like `end`, and the next one begins there, rotations too; steps are
         not extrapolated over the corner."""
-        self._stages.ends.append(end)
+        self._stages.leave(end)
         self._state.poses.begin(self._state.q)
         self._set_loads(self._state.t)
         self.accepted = [self.last]

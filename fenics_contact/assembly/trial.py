@@ -1,22 +1,25 @@
 """What the forces of a contact depend on besides the state, and what they are: plain values, never changed in place."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fenics_contact.kernels.law import Friction
+from fenics_contact.kernels.law import SMOOTH, Friction
 from fenics_contact.types import Anchors, Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from fenics_contact.assembly.contact_term import ContactTerm
 
 PRESENT: Floats = np.empty(0)
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
-SMOOTH = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), np.empty((0, 2)), np.empty((0, 3)))  # no friction
 # Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.
 DRAWN = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class ContactLaw:
     """Penalties eps_n, eps_t (ne,) [pressure/length] of the slave elements, Friction, and touch [length]: gaps up to it are
     round-off and closed, slips up to it are none."""
 
@@ -25,7 +28,7 @@ class Law:
     friction: Friction
     touch: float
 
-    def times(self, factor: float) -> "Law":
+    def times(self, factor: float) -> "ContactLaw":
         """The law with penalties greater by a factor."""
         return replace(self, eps_n=self.eps_n * factor, eps_t=self.eps_t * factor)
 
@@ -67,7 +70,7 @@ class Trial:
     """Law and history that a contact is evaluated with; area (ne, nq): reference areas of its points [length^2]; judged
     (ne nq,): gaps, shifts added, that decide what is open and what slips in the place of the present ones; (0,): these."""
 
-    law: Law
+    law: ContactLaw
     history: History
     area: Floats
     judged: Floats = field(default_factory=lambda: PRESENT)
@@ -77,13 +80,7 @@ class Trial:
         """Whether there is friction."""
         return self.law.friction.mu > 0.0
 
-    @property
-    def asks_pressure(self) -> bool:
-        """Whether the law of friction knows more of a pressure than that friction grows with it."""
-        friction = self.law.friction
-        return bool(friction.exponent or friction.shear or len(friction.table))
-
-    def under(self, law: Law) -> "Trial":
+    def under(self, law: ContactLaw) -> "Trial":
         return replace(self, law=law)
 
     def with_friction(self, mu: float) -> "Trial":
@@ -105,6 +102,9 @@ class Trial:
     def only(self, points: Bools) -> "Trial":
         """In which the points (n,) of a mask alone exert forces."""
         return replace(self, area=np.where(points.reshape(self.area.shape), self.area, 0.0))
+
+
+Trials = Mapping["ContactTerm", Trial]  # with what contacts are evaluated in the place of their own
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,7 @@ def _edge_note(contact: Contact, state: State) -> Remark | None:
     """None, or that nodes on edges of the slave, whose areas are those of all faces there, carry load under a law that asks
     for pressures. Collective."""
     facets, comm = contact.surface.between, state.comm
-    if facets is None or not contact.trial.asks_pressure:
+    if facets is None or not contact.trial.law.friction.asks_pressure:
         return None
     edges = facets.on_edges(contact.surface.nodes[:, 0])
     force = np.linalg.norm(contact.response(state).traction, axis=2).ravel() * contact.surface.area.ravel()

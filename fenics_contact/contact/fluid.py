@@ -16,6 +16,7 @@ from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.pose import skew
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.term import FluidTerm, State
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
 
 AS_MUCH = 1e-3  # of a fluid's pressure: contact that presses by no more beyond it might as well not touch
@@ -116,12 +117,12 @@ class Fluid(FluidTerm):
     def _place(self, state: State) -> Floats:
         return self._space.tabulate_dof_coordinates() + state.u.x.array.reshape(-1, 3)
 
-    def _pressed(self, state: State) -> dict[int, _Pressed]:
+    def _pressed(self, state: State, trials: Trials | None = None) -> dict[int, _Pressed]:
         """What each contact does at the local nodes. Collective."""
         out, x = dict[int, _Pressed](), self._place(state)
         for i, (contact, touching) in self._contacts.items():
             total, ignored = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
-            contact.add_residual(state, total, ignored)
+            contact.add_residual(state, total, ignored, trials)
             R, H = self._sums.of(total), self._sums.areas(touching, x)
             square = np.einsum("nc,nc->n", H, H)
             p = np.divide(np.einsum("nc,nc->n", R, H), square, out=np.zeros(len(H)), where=square > 0.0)
@@ -146,14 +147,14 @@ class Fluid(FluidTerm):
         return np.where(self.reached, np.maximum(self._pressure - p, 0.0), 0.0)
 
     # -- the term -------------------------------------------------------------------------------------------------
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats) -> None:
-        acting, x = self._acting(self.contact_pressure(state)), self._place(state)
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
+        acting, x = self._acting(self._on_patches(self._pressed(state, trials))), self._place(state)
         for patch, p in zip(self._patches, acting, strict=True):
             residual[: 3 * self._owned] += (p[:, None] * self._sums.areas(patch.skin, x))[: self._owned].ravel()
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         """The exact derivative: that of the area vectors, and rows of the contacts' tangents, which give dp."""
-        pressed, x, one = self._pressed(state), self._place(state), np.eye(3)
+        pressed, x, one = self._pressed(state, trials), self._place(state), np.eye(3)
         acting = self._acting(self._on_patches(pressed))
         parts = [_rates(patch.skin, x, p[:, None, None] * one) for patch, p in zip(self._patches, acting, strict=True)]
         areas = [
@@ -169,7 +170,7 @@ class Fluid(FluidTerm):
             turned = (R - 2.0 * (np.einsum("nc,nc->n", R, H)[:, None] / square) * H) / square
             parts.append(_rates(touching, x, -np.einsum("na,nb->nab", S, turned)))
             lifted = -np.einsum("na,nb->nab", S, H / square)
-            parts.append(_scaled(contact.tangent(state), lifted, self._everywhere(lifted)))
+            parts.append(_scaled(contact.tangent(state, trials), lifted, self._everywhere(lifted)))
         return Blocks(parts=tuple(parts))
 
     def _everywhere(self, lifted: Floats) -> tuple[Ints64, Floats]:

@@ -16,7 +16,7 @@ from fenics_contact.types import Bools, Floats, Ints
 if TYPE_CHECKING:
     from fenics_contact.contact.term import Contact
 
-ROUNDINGS = 1e3  # of a gap, see Law: points that have come to rest without load lie within so many, which solves leave
+ROUNDINGS = 1e3  # of a gap, see ContactLaw: points that rest without load lie within so many, which solves leave
 
 
 class Forces:
@@ -103,7 +103,7 @@ class Forces:
     def press(self, state: State, residual: Floats, tool_residual: Floats) -> float:
         """Add what the pressures alone give, friction apart; returns this rank's energy in their penalties."""
         alone = self._contact.trial.with_friction(0.0)
-        self._contact.add_residual(state, residual, tool_residual, alone)
+        self._contact.add_residual(state, residual, tool_residual, {self._contact: alone})
         return stored_energy(self._contact, state, alone)
 
     def stored(self, state: State) -> float:

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.assembly.pose import Pose
-from fenics_contact.assembly.trial import SMOOTH
-from fenics_contact.kernels.law import Friction, friction_limits
+from fenics_contact.kernels.law import SMOOTH, Friction, friction_limits
 from fenics_contact.types import Floats
 from fenics_contact.values import SceneError, finite, function, is_number, positive, shown
 

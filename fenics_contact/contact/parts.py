@@ -30,7 +30,7 @@ class Parts:
         trial = self._contact.trial.only(mask)
         return trial.with_friction(0.0) if frictionless else trial
 
-    def branches(self, state: State) -> Ints:
+    def branches(self, state: State, trial: Trial | None = None) -> Ints:
         """Rows of codes (n, ...), the status first: where one changes the traction has a kink."""
-        status = self._contact.response(state).status.reshape(-1, 1)
+        status = self._contact.response(state, trial).status.reshape(-1, 1)
         return np.column_stack([status, self._contact.places.features(self._contact.places.feet(state))])

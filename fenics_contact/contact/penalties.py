@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.term import State
-from fenics_contact.assembly.trial import Law, Trial
+from fenics_contact.assembly.trial import ContactLaw, Trial
 from fenics_contact.contact.foremost import worst
 from fenics_contact.contact.friction import Friction
 from fenics_contact.kernels.status import OPEN, STICK
@@ -83,7 +83,7 @@ class Penalties:
     law: with those at first; adapts: which of both, normal and tangential, a run may raise.
     """
 
-    def __init__(self, contact: Contact, law: Law, adapts: tuple[bool, bool]) -> None:
+    def __init__(self, contact: Contact, law: ContactLaw, adapts: tuple[bool, bool]) -> None:
         self._contact, self._first, self._adapts = contact, law, adapts
 
     @property
@@ -108,7 +108,7 @@ class Penalties:
         """The penalties that its history says."""
         factor = trial.history.raised[:, 0]
         eps_t = self._first.eps_t * factor if self._adapts[1] else self._first.eps_t
-        law = Law(self._first.eps_n * factor, eps_t, trial.law.friction, trial.law.touch)
+        law = ContactLaw(self._first.eps_n * factor, eps_t, trial.law.friction, trial.law.touch)
         return trial.under(law)
 
     def stored(self, state: State) -> float:

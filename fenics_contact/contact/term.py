@@ -10,7 +10,7 @@ from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.scales import ROUNDED
 from fenics_contact.assembly.supports import Supports
 from fenics_contact.assembly.term import State
-from fenics_contact.assembly.trial import DRAWN, History, Law, Response, Trial
+from fenics_contact.assembly.trial import DRAWN, ContactLaw, History, Response, Trial, Trials
 from fenics_contact.contact.findings import Findings
 from fenics_contact.contact.forces import Forces
 from fenics_contact.contact.friction import stated
@@ -72,7 +72,7 @@ class Contact(ContactTerm):
         comm = state.comm
         self.led, self.forces = Led(self, supports, comm), Forces(self)
         self.parts, self.findings = Parts(self), Findings(self)
-        law = Law(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
+        law = ContactLaw(*penalty.values(surface.stiffness, friction), friction, self._round_off(state))
         self.penalties, self.multipliers = Penalties(self, law, penalty.adapts()), Multipliers(self)
         ne, nq = surface.area.shape
         none = partner.anchors.none()
@@ -117,20 +117,20 @@ class Contact(ContactTerm):
                 last = self._last = feet, trial, self.partner.response(feet, trial)
         return feet, last[2]
 
-    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trial: Trial | None = None) -> None:
+    def add_residual(self, state: State, residual: Floats, tool_residual: Floats, trials: Trials | None = None) -> None:
         """Add a area T to the slave nodes' forces and its opposite to the master's, (14)."""
-        feet, response = self._evaluated(state, trial)
+        feet, response = self._evaluated(state, (trials or {}).get(self))
         with self.timers("insertion"):
             self.partner.add_forces(feet, response, residual, tool_residual)
 
-    def couplings(self, state: State) -> Ints64 | None:
-        return self.partner.couplings(self.places.feet(state), self.trial)
+    def couplings(self, state: State, trials: Trials | None = None) -> Ints64 | None:
+        return self.partner.couplings(self.places.feet(state), (trials or {}).get(self, self.trial))
 
-    def tangent(self, state: State) -> Blocks:
+    def tangent(self, state: State, trials: Trials | None = None) -> Blocks:
         """The exact derivative of the residual."""
         feet = self.places.feet(state)
         with self.timers("contact kernel"):
-            return self.partner.tangent(feet, self.trial)
+            return self.partner.tangent(feet, (trials or {}).get(self, self.trial))
 
     # -- history --------------------------------------------------------------------------------------------------
     def commit(self, state: State) -> None:

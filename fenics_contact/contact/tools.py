@@ -198,6 +198,7 @@ def rigid_punch(
     half_width: float,
     height: float,
     face: Sequence[float] | Floats = (0.0, 0.0, 0.0),
+    *,
     half_depth: float | None = None,
     direction: Sequence[float] | Floats = (0.0, 0.0, -1.0),
     fillet: float = 0.0,

@@ -91,7 +91,7 @@ def coupled_pairs(lists: Lists, tables: Tables, rows: Ints64, columns: Ints64) -
     points, first = len(slave_nodes), 0
     count = 1 + max(slave_nodes.max(), corners.max())
     number, known, local, at = np.empty(count, np.int64), np.full(count, -1), np.empty(count, np.int64), 0
-    here, seen = np.empty(count, np.int64), np.full(count, -1)
+    here, seen, together = np.empty(count, np.int64), np.full(count, -1), np.empty((0, 0), np.bool_)
     while first < points:
         end, n = first, 0
         while end < points and equal_rows(slave_nodes, first, end):
@@ -100,7 +100,9 @@ def coupled_pairs(lists: Lists, tables: Tables, rows: Ints64, columns: Ints64) -
                     known[i], number[i], local[n] = first, n, i
                     n += 1
             end += 1
-        together = np.zeros((n, n), np.bool_)
+        if len(together) < n:
+            together = np.empty((2 * n, 2 * n), np.bool_)
+        together[:n, :n] = False
         for q in range(first, end):
             m = _nodes_of(q, lists, tables, here, seen, 2 * q + 1)
             for i in range(m):

@@ -8,6 +8,7 @@ T . (dv_S - dv_M), (14): -T acts on the slave.
 import math
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
@@ -37,6 +38,17 @@ class Friction(NamedTuple):
     along: Vector
     table: Floats
     directions: Floats
+
+    @property
+    def asks_pressure(self) -> bool:
+        """Whether it knows more of a pressure than that friction grows with it."""
+        return bool(self.exponent or self.shear or len(self.table))
+
+
+SMOOTH = Friction(  # no friction
+    mu=0.0, reference=1.0, exponent=0.0, shear=0.0, ratio=1.0, along=ZERO,
+    table=np.empty((0, 2)), directions=np.empty((0, 3)),
+)  # fmt: skip
 
 
 class Law(NamedTuple):
@@ -117,7 +129,10 @@ def _tabulated(table: Floats, place: float) -> tuple[float, float]:
 @njit(cache=True)
 def without(friction: Friction) -> Friction:
     """No friction."""
-    return Friction(0.0, 1.0, 0.0, 0.0, 1.0, ZERO, friction.table, friction.directions)
+    return Friction(
+        mu=0.0, reference=1.0, exponent=0.0, shear=0.0, ratio=1.0, along=ZERO,
+        table=friction.table, directions=friction.directions,
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
@@ -128,7 +143,10 @@ def friction_at(friction: Friction, q: int) -> Friction:
         return f
     d = row(f.directions, q)
     along = times(1.0 / max(norm(d), 1e-300), d)
-    return Friction(f.mu, f.reference, f.exponent, f.shear, f.ratio, along, f.table, f.directions)
+    return Friction(
+        mu=f.mu, reference=f.reference, exponent=f.exponent, shear=f.shear, ratio=f.ratio, along=along,
+        table=f.table, directions=f.directions,
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")

@@ -49,10 +49,10 @@ def parts_within(ends: Floats, lists: Lists, surface: PlacedSurface) -> Floats:
     """Of edges with ends (n, 2, 3) the longest parts (n, 2), from 0 to 1 along each, between passages through their listed
     facets of a surface, which are counter-clockwise seen from outside; 0, 0: they pass through none."""
     (offsets, listed), (x, (nodes, size)) = lists, surface
-    out = np.zeros((len(ends), 2))
+    most = np.diff(offsets).max() if len(ends) > 0 else 0
+    out, passed = np.zeros((len(ends), 2)), np.empty((2 * most, 2))
     for e in range(len(ends)):
         a, d, n = row(ends[e], 0), minus(row(ends[e], 1), row(ends[e], 0)), 0
-        passed = np.empty((2 * (offsets[e + 1] - offsets[e]), 2))
         for f in listed[offsets[e] : offsets[e + 1]]:
             for i in range(2, size[f]):
                 corners = row(x, nodes[f, 0]), row(x, nodes[f, i - 1]), row(x, nodes[f, i])

@@ -6,7 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from fenics_contact.mesh_files import keywords
-from fenics_contact.mesh_files.parts import CURVED, SUPPORTED, TYPES, Block, Parts, chosen, joined, nodes_of, outer, put
+from fenics_contact.mesh_files.parts import (
+    CURVED,
+    SUPPORTED,
+    TYPES,
+    CellBlock,
+    MeshParts,
+    chosen,
+    joined,
+    nodes_of,
+    outer,
+    put,
+)
 from fenics_contact.types import Ints64
 
 SOLIDS = "for a body have its solid elements written (C3D8, C3D4 or C3D10)"
@@ -33,7 +44,7 @@ def read_inp(path: str, bodies: str | Sequence[str] | None = None, tool: bool = 
     cells, facets = ([_block(one, number) for one in model.elements if one.dim == d] for d in (dim, dim - 1))
     if dim < 3 and not (bodies or tool):
         _refuse_sides(model.elements)
-    parts = Parts(dim, np.concatenate(model.places), _bodies(model, cells, bodies))
+    parts = MeshParts(dim, np.concatenate(model.places), _bodies(model, cells, bodies))
     for name, numbers in model.elsets.found.items():
         if (side := chosen(facets, numbers)) and name not in model.elsets.internal:
             parts.sides[name] = side
@@ -62,7 +73,7 @@ def _refuse_sides(blocks: list[keywords.Elements]) -> None:
         )
 
 
-def _block(elements: keywords.Elements, number: Ints64) -> Block:
+def _block(elements: keywords.Elements, number: Ints64) -> CellBlock:
     """The elements of a keyword, with rows of the nodes in the place of their numbers."""
     kind = TYPES.get((elements.dim, elements.nodes.shape[1]))
     if kind is None:
@@ -78,7 +89,7 @@ def _block(elements: keywords.Elements, number: Ints64) -> Block:
             f"*ELEMENT: {absent.sum()} nodes of elements of type {elements.kind} are not in the file, the first is node "
             f"{elements.nodes[row, column]} of element {elements.number[row]}; have all nodes written"
         )
-    return Block(kind, elements.number, at)
+    return CellBlock(kind, elements.number, at)
 
 
 def _refuse_lost(keyword: str, sets: keywords.Sets, known: Ints64) -> None:
@@ -92,11 +103,11 @@ def _refuse_lost(keyword: str, sets: keywords.Sets, known: Ints64) -> None:
             )
 
 
-def _bodies(model: keywords.Model, cells: list[Block], asked: str | Sequence[str] | None) -> dict[str, list[Block]]:
+def _bodies(model: keywords.Model, cells: list[CellBlock], asked: str | Sequence[str] | None) -> dict[str, list[CellBlock]]:
     """{name: its cells}, each cell in one."""
     names = [asked] if isinstance(asked, str) else list(asked or model.sections)
     names = names or [name for name in model.elsets.found if name not in model.elsets.internal]
-    found: dict[str, list[Block]] = {}
+    found: dict[str, list[CellBlock]] = {}
     owner: dict[int, str] = {}
     for name in dict.fromkeys(model.elsets.sought(name) for name in names):
         if not (own := chosen(cells, model.elsets.get(name))):
@@ -117,7 +128,7 @@ def _bodies(model: keywords.Model, cells: list[Block], asked: str | Sequence[str
     return found
 
 
-def _faces(model: keywords.Model, cells: list[Block], facets: list[Block], name: str, face: str) -> list[Block]:
+def _faces(model: keywords.Model, cells: list[CellBlock], facets: list[CellBlock], name: str, face: str) -> list[CellBlock]:
     """Facets of a line of *SURFACE, of an element or a set: one face of each, all outer ones, or the facets of the set."""
     numbers = np.array([name], dtype=np.int64) if name.isdigit() else model.elsets.get(name)
     own, sides = chosen(cells, numbers), chosen(facets, numbers)
@@ -132,7 +143,7 @@ def _faces(model: keywords.Model, cells: list[Block], facets: list[Block], name:
     return [some[face] for some in faces]
 
 
-def _combined(model: keywords.Model, name: str, sides: dict[str, list[Block]]) -> list[Block]:
+def _combined(model: keywords.Model, name: str, sides: dict[str, list[CellBlock]]) -> list[CellBlock]:
     """Facets of several surfaces, those that two have in common, or those of one without another's."""
     how, names = model.combined[name]
     line = f"*SURFACE '{name}' in {model.line(model.stated[name.upper()])}"
@@ -151,7 +162,7 @@ def _combined(model: keywords.Model, name: str, sides: dict[str, list[Block]]) -
     return [block.only(block.number[np.isin(block.keys(), keys) == (how == "INTERSECTION")]) for block in joined(first)]
 
 
-def _add_node_sets(parts: Parts, model: keywords.Model, cells: list[Block], number: Ints64) -> None:
+def _add_node_sets(parts: MeshParts, model: keywords.Model, cells: list[CellBlock], number: Ints64) -> None:
     """Sets that are all nodes of some outer facets are these facets, others points (those of curved cells are left out)."""
     faces, of_cells = joined(outer(cells)), nodes_of(cells)
     curved = any(block.kind in CURVED for block in cells)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fenics_contact.mesh_files.parts import SUPPORTED, TYPES, Block, Parts, put
+from fenics_contact.mesh_files.parts import SUPPORTED, TYPES, CellBlock, MeshParts, put
 from fenics_contact.types import Floats
 
 SOLIDS = "for a body have its solid elements written (CHEXA or CTETRA)"
@@ -23,7 +23,7 @@ _ENTRY = re.compile(r"(?!CEND|CORD)C[A-Z]{2,}\d?\w*|GRID|RBE\d|PLOTEL")  # nodes
 _REAL = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))(?:(?:[ED]|(?=[-+]))([-+]?\d+))?")  # 1.5-3 is 0.0015
 
 
-class Entry(NamedTuple):
+class Card(NamedTuple):
     """What stands in a line and in those that continue it; at: the first line's number."""
 
     at: int
@@ -51,7 +51,7 @@ def read_bdf(path: str) -> None:
         raise ValueError(
             f"it holds {held or 'nothing of a mesh'}, and no cells; {SOLIDS}, for a tool its facets (CQUAD4, CTRIA3)"
         )
-    parts = Parts(dim, X)
+    parts = MeshParts(dim, X)
     for (d, pid, count), rows in sorted(elements.items()):
         if d < dim - 1:
             continue
@@ -60,15 +60,15 @@ def read_bdf(path: str) -> None:
             raise ValueError(f"element {absent[0]} in line {lines[absent[0]]}: there is no GRID {absent[1]}; write it")
         places = np.array([[row[n] for n in one[1:]] for one in rows], dtype=np.int64)
         groups = parts.bodies if d == dim else parts.sides
-        groups.setdefault(f"pid_{pid}", []).append(Block(TYPES[d, count], numbers[:, 0], places))
+        groups.setdefault(f"pid_{pid}", []).append(CellBlock(TYPES[d, count], numbers[:, 0], places))
     put(parts)
 
 
-def _entries(text: str) -> Iterator[Entry]:
+def _entries(text: str) -> Iterator[Card]:
     """Of the bulk data, or of all lines where nothing says that these begin, each with all its fields."""
     lines = [line.partition("$")[0].expandtabs().upper().rstrip() for line in text.splitlines()]  # without comments
     begin = next((at for at, line in enumerate(lines) if line.split()[:2] == ["BEGIN", "BULK"]), -1)
-    entry, mark = Entry(0, "", []), ""
+    entry, mark = Card(0, "", []), ""
     for at, line in enumerate(lines[begin + 1 :], start=begin + 2):
         if not line:
             continue
@@ -83,7 +83,7 @@ def _entries(text: str) -> Iterator[Entry]:
             entry.fields.extend(fields)
         else:
             yield entry
-            entry = Entry(at, name, fields)
+            entry = Card(at, name, fields)
             if name == "ENDDATA":
                 return
             if name == "INCLUDE" or (more and (name in _ELEMENTS or name == "GRID")):
@@ -106,7 +106,7 @@ def _fields(line: str) -> tuple[str, list[str], str]:
     return head, data + [""] * (-len(data) % count), mark
 
 
-def _element(entry: Entry) -> list[int]:
+def _element(entry: Card) -> list[int]:
     """Its number, its property's, which by default is the same, and its nodes'."""
     dim, most = _ELEMENTS[entry.name]
     number, pid, *nodes = (entry.fields + [""] * (2 + most))[: 2 + most]
@@ -124,7 +124,7 @@ def _element(entry: Entry) -> list[int]:
     return [int(part) for part in fields]
 
 
-def _nodes(entries: list[Entry]) -> tuple[dict[int, int], Floats]:
+def _nodes(entries: list[Card]) -> tuple[dict[int, int], Floats]:
     """The row of each node by its number, and the places (n, 3)."""
     known: dict[int, tuple[int, list[float]]] = {}  # by number: the line and the place
     for at, name, (number, system, *X) in ((one.at, one.name, (one.fields + [""] * 5)[:5]) for one in entries):

@@ -31,7 +31,7 @@ _GMSH_ORDER = {11: [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]}  # elsewhere the last two nod
 
 
 @dataclass(frozen=True)
-class Block:
+class CellBlock:
     """Elements of one type: kind, gmsh's number of it; number (n,) in the file; nodes (n, k), rows of X, in the order of
     Abaqus and VTK."""
 
@@ -39,18 +39,18 @@ class Block:
     number: Ints64
     nodes: Ints64
 
-    def only(self, numbers: Ints64) -> "Block":
+    def only(self, numbers: Ints64) -> "CellBlock":
         chosen = np.isin(self.number, numbers)
-        return Block(self.kind, self.number[chosen], self.nodes[chosen])
+        return CellBlock(self.kind, self.number[chosen], self.nodes[chosen])
 
-    def faces(self) -> list["Block"]:
+    def faces(self) -> list["CellBlock"]:
         """The first face of each, the second, ..."""
         dim = next(dim for (dim, _), kind in TYPES.items() if kind == self.kind)
-        return [Block(TYPES[dim - 1, len(face)], self.number, self.nodes[:, list(face)]) for face in _FACES[self.kind]]
+        return [CellBlock(TYPES[dim - 1, len(face)], self.number, self.nodes[:, list(face)]) for face in _FACES[self.kind]]
 
-    def turned(self) -> "Block":
+    def turned(self) -> "CellBlock":
         """Facets that look the other way."""
-        return Block(self.kind, self.number, self.nodes[:, _TURNED[self.kind]])
+        return CellBlock(self.kind, self.number, self.nodes[:, _TURNED[self.kind]])
 
     def keys(self) -> Ints64:
         """A number for each element, the same for the same corners."""
@@ -61,22 +61,22 @@ class Block:
 
 
 @dataclass
-class Parts:
+class MeshParts:
     """dim: of the cells; X (n, 3); by name: blocks of cells of the bodies, of facets, and nodes (n,)."""
 
     dim: int
     X: Floats
-    bodies: dict[str, list[Block]] = field(default_factory=dict)
-    sides: dict[str, list[Block]] = field(default_factory=dict)
+    bodies: dict[str, list[CellBlock]] = field(default_factory=dict)
+    sides: dict[str, list[CellBlock]] = field(default_factory=dict)
     points: dict[str, Ints64] = field(default_factory=dict)
 
 
-def put(parts: Parts) -> None:
+def put(parts: MeshParts) -> None:
     """Discrete entities in gmsh, one for each body, each side and each set of points; cells keep the file's numbers."""
     model, dim = gmsh.model, parts.dim
     gathered = [(dim, name, blocks) for name, blocks in parts.bodies.items()]
     gathered += [(dim - 1, name, blocks) for name, blocks in parts.sides.items()]
-    gathered += [(0, name, [Block(_POINT, nodes, nodes[:, None])]) for name, nodes in parts.points.items()]
+    gathered += [(0, name, [CellBlock(_POINT, nodes, nodes[:, None])]) for name, nodes in parts.points.items()]
     for at, (d, name, blocks) in enumerate(gathered):
         entity = model.addDiscreteEntity(d)
         if at == 0:
@@ -87,17 +87,17 @@ def put(parts: Parts) -> None:
         model.setPhysicalName(d, model.addPhysicalGroup(d, [entity]), name)
 
 
-def nodes_of(blocks: Iterable[Block]) -> Ints64:
+def nodes_of(blocks: Iterable[CellBlock]) -> Ints64:
     """Nodes (n,) of blocks, each once."""
     return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *(block.nodes.ravel() for block in blocks)]))
 
 
-def chosen(blocks: Iterable[Block], numbers: Ints64) -> list[Block]:
+def chosen(blocks: Iterable[CellBlock], numbers: Ints64) -> list[CellBlock]:
     """The elements with these numbers, without blocks that have none."""
     return [some for block in blocks if len(some := block.only(numbers))]
 
 
-def outer(cells: list[Block], numbers: Ints64 | None = None) -> list[Block]:
+def outer(cells: list[CellBlock], numbers: Ints64 | None = None) -> list[CellBlock]:
     """Faces that one cell alone has; of the cells with these numbers."""
     faces = [face for block in cells for face in block.faces()]
     known, count = np.unique(np.concatenate([face.keys() for face in faces]), return_counts=True)
@@ -105,11 +105,11 @@ def outer(cells: list[Block], numbers: Ints64 | None = None) -> list[Block]:
     return alone if numbers is None else chosen(alone, numbers)
 
 
-def joined(blocks: list[Block]) -> list[Block]:
+def joined(blocks: list[CellBlock]) -> list[CellBlock]:
     """Blocks of a type as one, each facet once."""
     found = []
     for kind in dict.fromkeys(block.kind for block in blocks):
         nodes = np.concatenate([block.nodes for block in blocks if block.kind == kind])
-        whole = Block(kind, np.arange(len(nodes)), nodes)
+        whole = CellBlock(kind, np.arange(len(nodes)), nodes)
         found.append(whole.only(np.unique(whole.keys(), return_index=True)[1]))
     return found

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fenics_contact import packages
-from fenics_contact.mesh_files.parts import SUPPORTED, TYPES, Block, Parts, put
+from fenics_contact.mesh_files.parts import SUPPORTED, TYPES, CellBlock, MeshParts, put
 
 _DIMENSION = {"tetra": 3, "hexahedron": 3, "tetra10": 3, "triangle": 2, "quad": 2, "triangle6": 2, "line": 1, "line3": 1}
 
@@ -28,7 +28,7 @@ def read_vtu(path: str, bodies: str | None = None) -> None:
         if block.type not in (*_DIMENSION, "vertex"):
             raise ValueError(f"cells of type '{block.type}' are not supported; {SUPPORTED}")
     dim = max((_DIMENSION.get(block.type, 0) for block in mesh.cells), default=0)
-    parts = Parts(dim, np.column_stack([mesh.points, np.zeros((len(mesh.points), 3 - mesh.points.shape[1]))]))
+    parts = MeshParts(dim, np.column_stack([mesh.points, np.zeros((len(mesh.points), 3 - mesh.points.shape[1]))]))
     first = 1
     for block, data in zip(mesh.cells, mesh.cell_data[name], strict=True):
         number, nodes = np.arange(first, first + len(data)), np.asarray(block.data, dtype=np.int64)
@@ -36,6 +36,6 @@ def read_vtu(path: str, bodies: str | None = None) -> None:
         if (own := _DIMENSION.get(block.type, 0)) >= max(dim - 1, 1):
             groups = parts.bodies if own == dim else parts.sides
             for value in np.unique(data):
-                rows = Block(TYPES[own, nodes.shape[1]], number, nodes).only(number[data == value])
+                rows = CellBlock(TYPES[own, nodes.shape[1]], number, nodes).only(number[data == value])
                 groups.setdefault(f"{name}_{value}", []).append(rows)
     put(parts)

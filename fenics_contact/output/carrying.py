@@ -14,7 +14,7 @@ BETWEEN = 3  # nodes of a side: with one between its ends they show a pressure t
 EVEN = 0.01  # of the peak pressure: a mean that is less below it is the same all over
 
 
-class Carried(NamedTuple):
+class Carriers(NamedTuple):
     """Of a contact, what tells whether few points carry it: area of its slave [length^2], up to how many points are few, and
     what they are, in words."""
 
@@ -23,7 +23,7 @@ class Carried(NamedTuple):
     points: str = "slave node"
 
 
-def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, Carried], units: Units) -> list[str]:
+def sparse_notes(history: Sequence[HistoryRow], contacts: Mapping[str, Carriers], units: Units) -> list[str]:
     """A note on those of these contacts that no more than so many points carry where its load is greatest, and not zero.
     Not where three or more, which would show how pressure varies, carry the same pressure all over it."""
     few = []

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact.output.colours import TOOL, Colours, shade
-from fenics_contact.output.skin import Skin, normals, quarters
-from fenics_contact.output.views import View
+from fenics_contact.output.skin import DrawnSkin, normals, quarters
+from fenics_contact.output.views import Camera
 from fenics_contact.types import Array, Floats, Ints64
 
 SEE_THROUGH = 0.14  # opacity of tools, and of bodies that would hide the surface the field lives on
@@ -27,7 +27,7 @@ class Layer:
     colours: Floats
 
 
-def layers(body: Skin, glass: Sequence[Floats], view: View, tint: Colours, size: float) -> list[Layer]:
+def layers(body: DrawnSkin, glass: Sequence[Floats], view: Camera, tint: Colours, size: float) -> list[Layer]:
     """All of a picture in space: of bodies the facets that face the eye, tiles (n, 4, 3) of each thing that is seen through,
     edges of both; size: of the picture [length]."""
     coloured = np.isfinite(body.values).any(axis=1)
@@ -49,7 +49,7 @@ def layers(body: Skin, glass: Sequence[Floats], view: View, tint: Colours, size:
     return found
 
 
-def _shaded(body: Skin, view: View, tint: Colours) -> Floats:
+def _shaded(body: DrawnSkin, view: Camera, tint: Colours) -> Floats:
     """Colours (n, 4) of facets without a field."""
     bright = shade(normals(body.x) @ np.column_stack([view.right, view.up, view.towards]))
     return tint.of(mean(body.values), bright)

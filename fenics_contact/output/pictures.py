@@ -11,8 +11,8 @@ from fenics_contact.output.late import agg, collections, figures, patches, paths
 from fenics_contact.output.layers import layers, mean, unit
 from fenics_contact.output.raster import rasterised
 from fenics_contact.output.render import pyvista_works, rendered
-from fenics_contact.output.skin import AXES, FLAT, Skin, normals, quarters
-from fenics_contact.output.views import View, slice_axis
+from fenics_contact.output.skin import AXES, FLAT, DrawnSkin, normals, quarters
+from fenics_contact.output.views import Camera, slice_axis
 from fenics_contact.types import Array, Bools, Floats
 from fenics_contact.values import SceneError
 
@@ -43,9 +43,9 @@ class Drawing:
     space alone, None: the latter where it works; dots: to the inch of an image in space.
     """
 
-    body: Skin
+    body: DrawnSkin
     tools: list[Floats]
-    view: View
+    view: Camera
     colours: Colours
     hidden: Bools
     title: str
@@ -156,7 +156,7 @@ def _paint_space(axes: Any, drawing: Drawing, tint: Colours, low: Floats, high: 
     axes.imshow(image, extent=np.column_stack([low, high]).ravel())
 
 
-def _triad(axes: Any, view: View, low: Floats, high: Floats, unit: str) -> float:
+def _triad(axes: Any, view: Camera, low: Floats, high: Floats, unit: str) -> float:
     """The axes' directions in the lower left corner, their arms a round number of lengths long; returns the room below."""
     span = float(np.max(high - low))
     exponent = np.floor(np.log10(0.12 * span))
@@ -248,7 +248,7 @@ def _normals_at_ends(ends: Floats, normal: Floats) -> Floats:
     return unit(total[which.ravel()]).reshape(ends.shape)
 
 
-def _surface_lines(wall: Skin, near: Bools) -> tuple[Floats, Floats, Floats]:
+def _surface_lines(wall: DrawnSkin, near: Bools) -> tuple[Floats, Floats, Floats]:
     """Edges in a slice's near plane of the facets across it: ends (n, 2, 3), values there (n, 2), facets' normals (n, 3)."""
     following = np.roll(wall.X, -1, axis=1)
     edge = near & np.roll(near, -1, axis=1) & (np.linalg.norm(following - wall.X, axis=2) > 0.0)

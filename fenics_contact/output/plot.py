@@ -11,7 +11,7 @@ from fenics_contact.output.fields import Fields
 from fenics_contact.output.layers import unit
 from fenics_contact.output.pictures import Drawing, Neighbourhood
 from fenics_contact.output.render import pyvista_works
-from fenics_contact.output.skin import AXES, Skin, look, mirrored, normals, skin, symmetry_planes, tool_tiles
+from fenics_contact.output.skin import AXES, DrawnSkin, look, mirrored, normals, skin, symmetry_planes, tool_tiles
 from fenics_contact.output.views import Angles, choose, slice_axis, upright
 from fenics_contact.scene.scene import Scene
 from fenics_contact.types import Floats
@@ -112,7 +112,7 @@ def _neighbourhood(points: Floats, planes: dict[int, float], across: int | None)
     return low - near[0], high + near[1]
 
 
-def _up_to_walls(body: Skin, tools: list[Floats], box: Neighbourhood, ends: list[tuple[int, int]]) -> Neighbourhood:
+def _up_to_walls(body: DrawnSkin, tools: list[Floats], box: Neighbourhood, ends: list[tuple[int, int]]) -> Neighbourhood:
     """A box (3,), (3,) about the bodies, extended up to the nearest wall of each tool that a slave surface faces along an
     axis, either way, and to the nearest place of a tool of which they face none.
 

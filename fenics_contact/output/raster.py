@@ -6,14 +6,14 @@ import numpy as np
 
 from fenics_contact.kernels.pixels import averaged, draw, paint
 from fenics_contact.output.layers import Layer
-from fenics_contact.output.views import View
+from fenics_contact.output.views import Camera
 from fenics_contact.types import Array, Floats
 
 SMOOTH = 2  # pixels across one of the image: edges are smooth
 LINE = 1.5  # width of lines [pixels of the image]
 
 
-def rasterised(layers: Sequence[Layer], view: View, low: Floats, high: Floats, pixels: int) -> Array:
+def rasterised(layers: Sequence[Layer], view: Camera, low: Floats, high: Floats, pixels: int) -> Array:
     """Image (rows, columns, 3) of layers between places low, high (2,), `pixels` along its longer side."""
     scale = pixels / float(np.max(high - low))
     columns, rows = np.maximum(1, np.rint(scale * (high - low))).astype(int)

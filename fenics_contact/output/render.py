@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.output.layers import Layer
-from fenics_contact.output.views import View
+from fenics_contact.output.views import Camera
 from fenics_contact.types import Array, Floats
 
 PEELS = 12  # surfaces seen through one another
@@ -35,14 +35,14 @@ def pyvista_works() -> bool:
         return False
 
 
-def rendered(layers: Sequence[Layer], view: View, low: Floats, high: Floats, pixels: int) -> Array:
+def rendered(layers: Sequence[Layer], view: Camera, low: Floats, high: Floats, pixels: int) -> Array:
     """Image (rows, columns, 3) of layers between places low, high (2,), `pixels` along its longer side."""
     pyvista: Any = importlib.import_module("pyvista")
     with pyvista.vtk_verbosity("error"):  # without a screen VTK warns that there is none, and draws
         return _rendered(pyvista, layers, view, (low, high), pixels)
 
 
-def _rendered(pyvista: Any, layers: Sequence[Layer], view: View, places: tuple[Floats, Floats], pixels: int) -> Array:
+def _rendered(pyvista: Any, layers: Sequence[Layer], view: Camera, places: tuple[Floats, Floats], pixels: int) -> Array:
     low, high = places
     size = float(np.max(high - low))
     window = np.maximum(1, np.rint(pixels * (high - low) / size)).astype(int).tolist()
@@ -64,7 +64,7 @@ def _rendered(pyvista: Any, layers: Sequence[Layer], view: View, places: tuple[F
     return image
 
 
-def _aim(camera: Any, view: View, low: Floats, high: Floats, places: Floats) -> None:
+def _aim(camera: Any, view: Camera, low: Floats, high: Floats, places: Floats) -> None:
     """So that the image ends at the places low, high (2,) of the picture."""
     middle = 0.5 * (low + high) @ np.stack([view.right, view.up]) + view.depth(places).max() * view.towards
     camera.parallel_projection = True

@@ -119,6 +119,10 @@ class Results:
         if numbers["work"]:
             self.balance.recall(rows_of(self.balance.keys), numbers["work"])
 
+    def recall_most_strained(self, energy: float, u: Floats) -> None:
+        """Go on from the most strain energy of the stage so far, and the dofs (local) where bodies had it."""
+        self.most_strained = energy, u
+
     def notes(self) -> list[str]:
         """What is to be said of the contacts at the state assembled last. Collective."""
         return [note for surface in self.surfaces if (note := surface.area_note())]

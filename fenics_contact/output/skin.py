@@ -54,7 +54,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Skin:
+class DrawnSkin:
     """Boundary facets, or the parts of those of degree 2, on rank 0: corners X, x (n, 4, 3) before and after the deformation
     [length], a triangle repeating its last; values (n, 4) of the field there, NaN where there is none; slave (n,); body
     (n,): number of the facet's body.
@@ -69,7 +69,7 @@ class Skin:
     body: Ints64
     cut: bool = False
 
-    def part(self, chosen: Array) -> "Skin":
+    def part(self, chosen: Array) -> "DrawnSkin":
         """Some of the facets: chosen (n,) are flags or numbers."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in ("X", "x", "values", "slave", "body")})
 
@@ -191,7 +191,7 @@ def _von_mises(stress: Floats) -> Floats:
     return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 
-def skin(fields: Fields, chosen: Look) -> Skin | None:
+def skin(fields: Fields, chosen: Look) -> DrawnSkin | None:
     """The boundary of all bodies on rank 0, in an order that no partition changes; None on the others. Collective."""
     scene, space = fields.scene, fields.system.space
     mesh, X = scene.mesh.domain, space.tabulate_dof_coordinates()
@@ -228,7 +228,7 @@ def skin(fields: Fields, chosen: Look) -> Skin | None:
     if gathered is None:
         return None
     at, now, values, slave, bodies, keys = (np.concatenate(column) for column in zip(*gathered, strict=True))
-    return Skin(at, now, values, slave, bodies, scene.degree == 2).part(np.argsort(keys, kind="stable"))
+    return DrawnSkin(at, now, values, slave, bodies, scene.degree == 2).part(np.argsort(keys, kind="stable"))
 
 
 def _keys(cells: Array, local: Array | int) -> Ints64:
@@ -326,7 +326,7 @@ def symmetry_planes(scene: Scene, system: System) -> dict[int, float]:
     return planes
 
 
-def mirrored(body: Skin, tiles: Sequence[Floats], planes: dict[int, float]) -> tuple[Skin, list[Floats]]:
+def mirrored(body: DrawnSkin, tiles: Sequence[Floats], planes: dict[int, float]) -> tuple[DrawnSkin, list[Floats]]:
     """Bodies and tools with their images behind planes {axis: place}; what lies in a plane is no surface any more."""
     tiles = list(tiles)
     for axis, place in planes.items():

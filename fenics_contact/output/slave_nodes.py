@@ -196,7 +196,7 @@ class SlaveNodes:
     def area_note(self) -> str | None:
         """What is to be said of a law of friction that takes pressures per area at the start, where that has changed.
         Collective."""
-        if not self.contact.trial.asks_pressure:
+        if not self.contact.trial.law.friction.asks_pressure:
             return None
         at = self.at_state()
         change = np.where(at.closed > 0.0, at.stretch - 1.0, 0.0)[: self._owned]

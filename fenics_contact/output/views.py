@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.output.skin import AXES, FLAT, Skin, normals
+from fenics_contact.output.skin import AXES, FLAT, DrawnSkin, normals
 from fenics_contact.types import Bools, Floats
 
 FLATTER = 0.5  # of the largest: thickness up to which one layer of cells is a slice
@@ -19,7 +19,7 @@ Angles = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class View:
+class Camera:
     """A parallel projection. right, up, towards (3,): unit vectors of the picture and to the eye; axis: that of a slice."""
 
     right: Floats
@@ -36,19 +36,19 @@ class View:
         return points @ self.towards
 
 
-def along(axis: int) -> View:
+def along(axis: int) -> Camera:
     """A slice seen along its axis, the other two to the right and up: x-y from z, x-z from -y, y-z from x."""
     first, second = (i for i in range(3) if i != axis)
     unit = np.eye(3)
-    return View(unit[first], unit[second], np.cross(unit[first], unit[second]), axis)
+    return Camera(unit[first], unit[second], np.cross(unit[first], unit[second]), axis)
 
 
-def from_angles(elevation: float, azimuth: float, frame: Floats = UPRIGHT) -> View:
+def from_angles(elevation: float, azimuth: float, frame: Floats = UPRIGHT) -> Camera:
     """elevation above the x-y plane, azimuth about z from x [degrees], of the eye; frame (3, 3): rows x, y, z."""
     e, a = np.radians([elevation, azimuth])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
-    return View(right @ frame, np.cross(towards, right) @ frame, towards @ frame)
+    return Camera(right @ frame, np.cross(towards, right) @ frame, towards @ frame)
 
 
 def upright(down: Floats) -> Floats:
@@ -60,7 +60,7 @@ def upright(down: Floats) -> Floats:
     return np.array([right, np.cross(up, right), up])
 
 
-def slice_axis(body: Skin) -> int | None:
+def slice_axis(body: DrawnSkin) -> int | None:
     """The axis across a plane-strain slice: nothing moves along it, and it is one cell thick, or thin. None: no slice."""
     size = np.ptp(body.X.reshape(-1, 3), axis=0)
     moved = np.abs(body.x - body.X).max(axis=(0, 1))
@@ -72,7 +72,7 @@ def slice_axis(body: Skin) -> int | None:
     return int(np.argmin(np.where(found, size, np.inf))) if found.any() else None
 
 
-def choose(body: Skin, opaque: Bools, wanted: str | Angles | None, frame: Floats = UPRIGHT) -> View:
+def choose(body: DrawnSkin, opaque: Bools, wanted: str | Angles | None, frame: Floats = UPRIGHT) -> Camera:
     """The view of a model: the one wanted, an axis or (elevation, azimuth) in degrees, or the best.
 
     opaque (n,): the facets that hide others; frame: see `upright`. The best: of a slice along its axis; else the first of
@@ -90,7 +90,7 @@ def choose(body: Skin, opaque: Bools, wanted: str | Angles | None, frame: Floats
     return views[int(np.argmax(seen >= ENOUGH * seen.max()))]
 
 
-def _seen(body: Skin, opaque: Bools, view: View, up: Floats) -> float:
+def _seen(body: DrawnSkin, opaque: Bools, view: Camera, up: Floats) -> float:
     """How much of the field is seen from a direction: facets that no opaque one hides, by area and the field's square."""
     normal, centre = normals(body.x), body.x.mean(axis=1)
     area = np.linalg.norm(normal, axis=1)

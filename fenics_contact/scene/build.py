@@ -60,7 +60,7 @@ from fenics_contact.scene.loads import loads_of
 from fenics_contact.scene.pairs import ways_of
 from fenics_contact.scene.stage import Only, Stage
 from fenics_contact.scene.start import Start, begin, let_go
-from fenics_contact.scene.statements import ContactStatement, Entering, Load, called
+from fenics_contact.scene.statements import ContactStatement, StatedFluid, StatedLoad, called
 from fenics_contact.scene.symmetry import Halves
 from fenics_contact.solid import virtual_power as vp
 from fenics_contact.solid.elements import solid_term
@@ -73,7 +73,7 @@ from fenics_contact.values import SceneError
 if TYPE_CHECKING:  # which asks for its System here
     from fenics_contact.scene.scene import Scene
 
-Loads = Sequence[tuple[Constant | Function, Load]]  # a form's coefficient, and what it follows
+Loads = Sequence[tuple[Constant | Function, StatedLoad]]  # a form's coefficient, and what it follows
 Held = tuple[Supports, Ints64, Halves]  # by what nodes are held, the parts of all local ones, and planes of symmetry
 
 HARDER = 3.0  # times Young's modulus of the master: slaves as stiff as that, or less, give way to its facets
@@ -124,8 +124,9 @@ def build(
     u = compat.Function(scene.space, name="displacement")
     state = State(u, np.zeros((len(scene.tools), 6)), motion.poses())
     followed = loads_of(scene, stated, stages)
-    loads = [(_coefficient(scene, load, 3), load) for load in followed if isinstance(load, Load) and load.shape]
-    pressures = [(_coefficient(scene, load, 1), load) for load in followed if isinstance(load, Load) and not load.shape]
+    plain = [load for load in followed if isinstance(load, StatedLoad)]
+    loads = [(_coefficient(scene, load, 3), load) for load in plain if load.shape]
+    pressures = [(_coefficient(scene, load, 1), load) for load in plain if not load.shape]
     ways = ways_of(scene, stated, stages)
     supports, refuse_hindered, refuse_apart = supports_of(scene, stated, motion, [way for _, way in ways])
     with timers("compile"):
@@ -138,7 +139,7 @@ def build(
         modulus = _modulus_by_cell(scene)
         parts = connected_parts(scene.space)
         contacts = _contacts(scene, modulus, (supports, parts[0], Halves(scene, supports)), state, timers)
-        entering = [load for load in followed if isinstance(load, Entering)]
+        entering = [load for load in followed if isinstance(load, StatedFluid)]
         fluids = [_fluid(scene, i, load, contacts) for i, load in enumerate(entering)]
     if scene.section is not None:
         refuse_across(contacts, state)
@@ -155,11 +156,11 @@ def build(
             fluid.set_time(t)
         fields.set(t)
 
-    held = _held(scene, u, motion, (stabilise, damping), bool(holds.reliant and contacts))
+    held = _held(scene, state, motion, (stabilise, damping), solid, holds)
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
     system = System(state, (solid, *others), holds, (motion, set_loads), check, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
-    notes, beginning = _start(scene, system, stated, driven, start, [load for load in followed if isinstance(load, Load)])
+    notes, beginning = _start(scene, system, stated, driven, start, plain)
     refuse_hindered(state)
     driven += [(f"push of '{name}'", row_of(motion.forces, i)) for i, name in enumerate(motion.names)]
     notes += [] if start else refuse_jumps(scene, system, driven)
@@ -173,7 +174,7 @@ def _start(
     stated: Sequence[Stage],
     driven: list[tuple[str, Path]],
     start: Start | None,
-    loads: Sequence[Load],
+    loads: Sequence[StatedLoad],
 ) -> tuple[list[str], Beginning]:
     """Check how a run begins, and each of its stages; start: another run's state to take up; loads: but fluids that contact
     keeps out. Returns what is to be said, and the Beginning. Collective."""
@@ -226,7 +227,7 @@ def _pressure(scene: "Scene", u: Function, pressures: Loads, supports: Supports)
     return FormTerm("pressure", power, rate, is_symmetric(compat.compile_form(rate), u, supports))
 
 
-def _coefficient(scene: "Scene", load: Load, size: int) -> Constant | Function:
+def _coefficient(scene: "Scene", load: StatedLoad, size: int) -> Constant | Function:
     """What stands for a load in the forms: a constant, or a function of places, of one number or three."""
     if load.nodes is None:
         return compat.Constant(scene.mesh.domain, np.zeros(3) if size == 3 else 0.0)
@@ -234,7 +235,7 @@ def _coefficient(scene: "Scene", load: Load, size: int) -> Constant | Function:
     return compat.Function(space)
 
 
-def _coefficient_of(coefficient: Constant | Function, load: Load) -> Floats:
+def _coefficient_of(coefficient: Constant | Function, load: StatedLoad) -> Floats:
     """The numbers of a load's coefficient: (), (3,), or a row for each local node."""
     if load.nodes is None:
         return coefficient.value
@@ -242,11 +243,11 @@ def _coefficient_of(coefficient: Constant | Function, load: Load) -> Floats:
     return coefficient.x.array.reshape(-1, size) if size > 1 else coefficient.x.array
 
 
-def _set(coefficient: Constant | Function, load: Load, t: float) -> None:
+def _set(coefficient: Constant | Function, load: StatedLoad, t: float) -> None:
     _coefficient_of(coefficient, load)[... if load.nodes is None else load.nodes] = load.path(t) / load.over
 
 
-def _fluid(scene: "Scene", number: int, stated: Entering, contacts: list[Contact]) -> Fluid:
+def _fluid(scene: "Scene", number: int, stated: StatedFluid, contacts: list[Contact]) -> Fluid:
     """The term of a fluid that acts where contact does not; number: of the scene's fluids. Collective."""
     mesh, space, name = scene.mesh, scene.space, "+".join(stated.group)
     facets, touching = mesh.facets(*stated.group), [_touching(mesh, contact) for contact in scene.contacts]
@@ -295,16 +296,17 @@ def _modulus_by_cell(scene: "Scene") -> Floats:
 
 
 def _held(
-    scene: "Scene", u: Function, motion: ToolMotion, asked: tuple[bool, bool], may_be_needed: bool
+    scene: "Scene", state: State, motion: ToolMotion, asked: tuple[bool, bool], solid: FormTerm, holds: Holds
 ) -> list[SpringTerm]:
     """Springs and viscous forces on all bodies, and on free tools where the user asked for them, with stabilise= and with
-    damping=; may_be_needed: springs at bodies that contacts alone hold, as damping may be where contacts have friction."""
+    damping=; springs may be needed at bodies that contacts alone hold, as damping may be where contacts have friction."""
     (stabilise, damping), found = asked, list[SpringTerm]()
-    if stabilise or may_be_needed:
+    stated = partial(springs, scene.space, scene.bodies, scene.groups.dx, state.u)
+    if stabilise or (holds.reliant and holds.contacts):
         free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
-        found.append(Grounding(springs(scene.space, scene.bodies, scene.groups.dx, u), free, stabilise))
+        found.append(Grounding(stated(), free, stabilise, (solid, holds.contacts), state))
     if damping or any(contact.friction.mu > 0.0 for contact in scene.contacts):
-        found.append(Damping(springs(scene.space, scene.bodies, scene.groups.dx, u), lambda: motion.free, damping))
+        found.append(Damping(stated(), lambda: motion.free, damping))
     return found
 
 

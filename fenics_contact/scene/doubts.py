@@ -11,10 +11,10 @@ from fenics_contact.assembly.finding import spot
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.repeats import Repeats
 from fenics_contact.contact.tools import MeshedTool, RigidTool, Tool, cut_shapes
-from fenics_contact.meetings import Meeting
+from fenics_contact.meetings import Mismatch
 from fenics_contact.scene.functions import whole
 from fenics_contact.scene.stage import ARC_LENGTH, Stage
-from fenics_contact.scene.statements import Load, called
+from fenics_contact.scene.statements import StatedLoad, called
 from fenics_contact.scene.symmetry import tilting
 from fenics_contact.solid.materials import young
 from fenics_contact.types import Ints
@@ -36,7 +36,7 @@ AROUND = (
 )
 
 
-def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
+def doubts(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[StatedLoad]) -> list[str]:
     """All of them; loads: those of the stages, too, but of fluids that contact keeps out. Collective."""
     return [
         *_folded(scene),
@@ -101,7 +101,7 @@ def _images(scene: "Scene", system: System) -> list[str]:
     return list(found.values())
 
 
-def _pressed(scene: "Scene", system: System, pressures: Sequence[Load]) -> list[str]:
+def _pressed(scene: "Scene", system: System, pressures: Sequence[StatedLoad]) -> list[str]:
     """Of pressures that go on under a contact that has closed. Collective."""
     found, mesh = dict[tuple[str, str], str](), scene.mesh
     for load in pressures:
@@ -117,7 +117,7 @@ def _pressed(scene: "Scene", system: System, pressures: Sequence[Load]) -> list[
     return list(found.values())
 
 
-def _acts(system: System, load: Load, nodes: Ints) -> bool:
+def _acts(system: System, load: StatedLoad, nodes: Ints) -> bool:
     """Whether a load is ever more than none at some nodes, local ones. Collective."""
     for i in range(len(system.stages)):
         with system.stages.foreseen(i):
@@ -129,7 +129,7 @@ def _acts(system: System, load: Load, nodes: Ints) -> bool:
     return False
 
 
-def _idle(scene: "Scene", system: System, stages: int, loads: Sequence[Load]) -> list[str]:
+def _idle(scene: "Scene", system: System, stages: int, loads: Sequence[StatedLoad]) -> list[str]:
     """Of loads on surfaces that supports, or hubs that are led, hold all over, in every direction. Collective."""
     found, owned = dict[str, tuple[str, ...]](), scene.space.dofmap.index_map.size_local
     ties, free = system.supports.ties, np.zeros(len(system.tools), dtype=bool)
@@ -146,7 +146,7 @@ def _idle(scene: "Scene", system: System, stages: int, loads: Sequence[Load]) ->
     return [f"{name} moves nothing: supports hold all nodes of that surface in every direction" for name in found]
 
 
-def _across(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
+def _across(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[StatedLoad]) -> list[str]:
     """Of loads, each in one direction, across the axis of a cyclic pair, about which what repeats is turned. Collective."""
     found, axes = dict[str, str](), [(pair.what, pair.axis) for pair in scene.pairs if pair.axis is not None]
     for i in range(len(stated)) if axes else ():
@@ -163,7 +163,7 @@ def _across(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequ
     ]
 
 
-def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[Load]) -> list[str]:
+def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[StatedLoad]) -> list[str]:
     """Of loads on surfaces, and forces on tools, that no body of such a stiffness bears. Collective."""
     modulus, stages, found = max(young(body.material) for body in scene.bodies), system.stages, dict[str, float]()
     area = {one.name: system.comm.allreduce(float(one.surface.area.sum())) for one in system.contacts}
@@ -191,7 +191,7 @@ def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
 def _unmet(scene: "Scene") -> list[str]:
     """What is to be said of bodies that touch or overlap as drawn where no contact of bodies is stated for them."""
     stated = {name for one in scene.contacts if isinstance(one.master, tuple) for name in (*one.slave, *one.master)}
-    left: dict[tuple[str, ...], list[Meeting]] = {}
+    left: dict[tuple[str, ...], list[Mismatch]] = {}
     for found in scene.mesh.touching:
         if not stated & set(found.surfaces[0]):
             left.setdefault(tuple(sorted(found.volumes)), []).append(found)

@@ -21,7 +21,7 @@ from fenics_contact.scene.courses import Part, SupportCourse
 from fenics_contact.scene.directions import Unit, normals, unit
 from fenics_contact.scene.functions import AtPoints, Path, Places, Ramp, ramp
 from fenics_contact.scene.motion import Driven, Motion, driven, loaded, only_free
-from fenics_contact.scene.pairs import CourseAt, Pairing
+from fenics_contact.scene.pairs import CourseAt, FacePairs
 from fenics_contact.scene.stage import ARC_LENGTH, Along, Stage, Way
 from fenics_contact.scene.start import LeftTool
 from fenics_contact.scene.statements import Support
@@ -41,15 +41,15 @@ ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 def supports_of(
     scene: "Scene", stated: Sequence[Stage], motion: ToolMotion, ways: Sequence[Path]
 ) -> tuple[Supports, Callable[[State], None], Callable[[State, float], None]]:
-    """Supports from a scene's Support, Tie and Pair statements, the last ones' ways, and what stages prescribe, checked; of
-    a Section, those that keep it in its plane and on its axis; motion: of what it is tied to. And what refuses a state to
+    """Supports from a scene's Support, Tie and FacePair statements, the last ones' ways, and what stages prescribe, checked;
+    of a Section, those that keep it in its plane and on its axis; motion: of what it is tied to. And what refuses a state to
     begin with from which that would leave supports, and a t at which these contradict each other, as functions may do
     anywhere. Collective."""
     stages = motion.stages
     mesh, space, section = scene.mesh, scene.space, scene.section
     X, keys = space.tabulate_dof_coordinates(), node_keys(space)
     ties, hindered = ties_of(scene), list[Hindered]()
-    paired = Pairing(scene, ways, ties) if scene.pairs else None
+    paired = FacePairs(scene, ways, ties) if scene.pairs else None
     stated_of: list[tuple[str, Ints64, Floats, CourseAt]] = []  # name, nodes, direction, course
     changed = [_prescribed(scene, stage) for stage in stated]
     for k, one in enumerate(scene.supports):
@@ -96,7 +96,7 @@ def supports_of(
 
 
 def _refuse_conflict(
-    comm: MPI.Comm, stage: Stage, supports: Supports, paired: Pairing | None, t: float, when: str = ""
+    comm: MPI.Comm, stage: Stage, supports: Supports, paired: FacePairs | None, t: float, when: str = ""
 ) -> None:
     """Supports agree at t where they meet, and so do pairs of faces. Collective."""
     conflicts = [c for c in comm.allgather(supports.conflict(t)) if c]

@@ -159,7 +159,7 @@ def field_loads(scene: "Scene", u: Function, loads: Sequence[Loading]) -> FieldL
         for function, nodes, path in placed:
             function.x.array[nodes] = path(t)
         for term, path in moments:
-            term.moment[:] = path(t)
+            term.set_moment(path(t))
 
     return FieldLoads(materials, terms, grounds, set_loads)
 

@@ -11,7 +11,7 @@ from fenics_contact.scene.courses import Course, Part
 from fenics_contact.scene.field_loads import swelling_path
 from fenics_contact.scene.functions import AtPoints, Drive, Path, Place, Ramp, load_path, ramp, whole
 from fenics_contact.scene.stage import ARC_LENGTH, Stage
-from fenics_contact.scene.statements import Entering, Load, Loading, Swelling, called
+from fenics_contact.scene.statements import Loading, StatedFluid, StatedLoad, Swelling, called
 from fenics_contact.types import Ints
 from fenics_contact.values import SceneError
 
@@ -23,7 +23,7 @@ def loads_of(scene: "Scene", stated: Sequence[Stage], stages: Stages) -> list[Lo
     """All loads of a scene, their paths being their courses over stages. Collective."""
     loads = scene.loads
     keys, parts = [(one.word, one.group) for one in loads], [dict[int, Part]() for _ in loads]
-    nodes = [one.nodes if isinstance(one, Load | Entering | Swelling) else None for one in loads]
+    nodes = [one.nodes if isinstance(one, StatedLoad | StatedFluid | Swelling) else None for one in loads]
     for i, stage in enumerate(stated):
         for key, value in stage.loads.items():
             what = stage.says(called(*key))
@@ -53,9 +53,9 @@ def _path(scene: "Scene", load: Loading, value: Any, what: str) -> tuple[Path, I
     """What a stage says of a load, and the local nodes that it gives values at, if it is a function of places too."""
     if isinstance(load, Swelling):
         return swelling_path(scene, load.group[0], value, what)
-    if isinstance(load, Load) and load.word == "forces":
+    if isinstance(load, StatedLoad) and load.word == "forces":
         return force_path(scene, value, what), None
-    if isinstance(load, Load | Entering):
+    if isinstance(load, StatedLoad | StatedFluid):
         facets = None if load.group is None else scene.mesh.facets(*load.group)
         return place_path(scene, facets, value, what, load.shape)
     return ramp(scene.mesh.comm, value, what, load.shape), None
@@ -93,6 +93,6 @@ def _over_stages(stages: Stages, load: Loading, parts: dict[int, Part], nodes: I
     if placed:
         origin, mine = np.full((placed[0].count, *load.shape), rest), placed[0].mine
     path = Course(stages, load.path, parts, origin, mine)
-    if isinstance(load, Load | Entering | Swelling):
+    if isinstance(load, StatedLoad | StatedFluid | Swelling):
         return replace(load, path=path, nodes=nodes)
     return replace(load, path=path)

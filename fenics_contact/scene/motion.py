@@ -14,7 +14,7 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 ROUNDED = 1e-12  # of a load's largest component: less is round-off
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Motion:
     """Displacement of a reference point of a tool along x, y, z [length] and rotation about it: what is not named stays.
 

@@ -19,7 +19,7 @@ from fenics_contact.scene.courses import Course, Part
 from fenics_contact.scene.directions import Group, unit
 from fenics_contact.scene.functions import Drive, Path, Places, Ramp, ramp
 from fenics_contact.scene.stage import Stage
-from fenics_contact.scene.statements import Pair
+from fenics_contact.scene.statements import FacePair
 from fenics_contact.types import Floats, Ints64
 from fenics_contact.values import SceneError, finite, group_names, shown
 
@@ -50,7 +50,7 @@ class Tied:
     """Nodes of both faces of a pair, number `number`, that are tied to one rigid body and so belong to no pair any more:
     first (n, 3), those of the first face at the start, second (n, 3), where the pair puts the second's [length]."""
 
-    pair: Pair
+    pair: FacePair
     number: int
     body: int
     turn: Floats
@@ -77,7 +77,7 @@ class Tied:
         )
 
 
-class Pairing:
+class FacePairs:
     """The nodes of a scene's pairs of faces: all of them on every rank; ways: of each pair t -> (3,) [length]; ties: nodes
     that rigid bodies lead, as one both of what a pair joins, in whose place they then are: `tied`.
 
@@ -95,8 +95,9 @@ class Pairing:
         self._root, self._turn = np.arange(n), np.tile(np.eye(3), (n, 1, 1))
         self._ahead = np.zeros((n, 3, count, 3))
         self._members = {i: [i] for i in range(n)}
-        self.on_axis: list[tuple[Pair, Ints64]] = []
-        self._loops: list[tuple[Pair, Floats, Floats]] = []  # (pair, X, what must do nothing with the ways) of closed rounds
+        self.on_axis: list[tuple[FacePair, Ints64]] = []
+        # (pair, X, what must do nothing with the ways) of closed rounds
+        self._loops: list[tuple[FacePair, Floats, Floats]] = []
         self.tied: list[Tied] = []
         self._across: list[Image] = []
         bodies = self._bodies(ties, len(scene.tools))
@@ -133,7 +134,7 @@ class Pairing:
         leads = self._all.numbers[self._root[self._follow[at]]]
         return Pairs(self._space, (nodes, leads), self.follower.of(at), self.ways, self._across)
 
-    def open_loop(self, ways: Floats) -> tuple[Pair, Floats] | None:
+    def open_loop(self, ways: Floats) -> tuple[FacePair, Floats] | None:
         """A pair that does not fit the other ones when these lead so far (pairs, 3), and where; or None."""
         allowed = CLOSED * max(np.abs(ways).max(initial=0.0), 1e-300)
         found = [(pair, X) for pair, X, ahead in self._loops if np.abs(np.einsum("cpd,pd->c", ahead, ways)).max() > allowed]
@@ -179,7 +180,7 @@ class Pairing:
             bodies[np.isin(self._all.keys, keys)] = body
         return bodies
 
-    def _refuse_half_tied(self, pair: Pair, bodies: Ints64, hubs: Sequence[str], one: Ints64, other: Ints64) -> None:
+    def _refuse_half_tied(self, pair: FacePair, bodies: Ints64, hubs: Sequence[str], one: Ints64, other: Ints64) -> None:
         """Of nodes that belong together a rigid body leads both or none."""
         apart = np.flatnonzero(bodies[one] != bodies[other])
         if not apart.size:
@@ -193,7 +194,7 @@ class Pairing:
             "or of none"
         )
 
-    def _join(self, k: int, pair: Pair, turn: Floats, one: Ints64, other: Ints64) -> None:
+    def _join(self, k: int, pair: FacePair, turn: Floats, one: Ints64, other: Ints64) -> None:
         """Let nodes `other` follow nodes `one` of all, by a turn and the way of pair k."""
         own = np.zeros((3, len(self._pairs), 3))
         own[:, k] = np.eye(3)
@@ -264,7 +265,7 @@ def _distinct(turns: Floats) -> list[Floats]:
 
 
 # -- nodes that belong together ---------------------------------------------------------------------------------------
-def _matched(pair: Pair, first: _Nodes, second: _Nodes) -> tuple[Floats, Floats, Ints64]:
+def _matched(pair: FacePair, first: _Nodes, second: _Nodes) -> tuple[Floats, Floats, Ints64]:
     """The turn (3, 3) of a pair and, of the nodes of its first face, where it puts them (n, 3) [length] and which of the
     second's lie there and follow them."""
     if len(first.keys) != len(second.keys):
@@ -295,7 +296,7 @@ def _matched(pair: Pair, first: _Nodes, second: _Nodes) -> tuple[Floats, Floats,
     return turn, places, at
 
 
-def _turn(pair: Pair, one: Floats, other: Floats, axis: Floats, point: Floats) -> Floats:
+def _turn(pair: FacePair, one: Floats, other: Floats, axis: Floats, point: Floats) -> Floats:
     """The rotation about an axis that carries the middle of one face to the side of the other's."""
     flat = np.eye(3) - np.outer(axis, axis)
     a, b = flat @ (one - point), flat @ (other - point)
@@ -307,7 +308,7 @@ def _turn(pair: Pair, one: Floats, other: Floats, axis: Floats, point: Floats) -
     return rotation(angle * axis)
 
 
-def _refuse_part(pair: Pair, turn: Floats) -> None:
+def _refuse_part(pair: FacePair, turn: Floats) -> None:
     """A turn (3, 3) must lead back to the start, for sectors to make a whole."""
     angle = float(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
     sectors = 2.0 * np.pi / angle
@@ -361,11 +362,13 @@ def _way(scene: "Scene", relative: Drive, what: str) -> Path:
 
 
 # -- statements -------------------------------------------------------------------------------------------------------
-def paired(scene: "Scene", first: Group, second: Group, relative: Drive, axis: object = None, point: object = None) -> Pair:
-    """A Pair as it is stated, checked but for its nodes. Collective."""
+def paired(
+    scene: "Scene", first: Group, second: Group, relative: Drive, axis: object = None, point: object = None
+) -> FacePair:
+    """A FacePair as it is stated, checked but for its nodes. Collective."""
     word, section = "periodic" if axis is None else "cyclic", scene.section
     names, others = group_names(first, f"{word}: first"), group_names(second, f"{word}: second")
-    pair = Pair(names, others, Ramp(np.zeros(3)))
+    pair = FacePair(names, others, Ramp(np.zeros(3)))
     what = f"{word} pair {pair.name}"
     if common := set(names) & set(others):
         raise SceneError(f"{what}: both faces are '{common.pop()}'; name two")

@@ -33,12 +33,12 @@ from fenics_contact.scene.stage import Moves, Only
 from fenics_contact.scene.statements import (
     Body,
     ContactStatement,
-    Entering,
-    Load,
+    FacePair,
     Loading,
     MomentLoad,
-    Pair,
     Spin,
+    StatedFluid,
+    StatedLoad,
     Support,
     Tie,
 )
@@ -98,7 +98,7 @@ class Scene:
         self.contacts: list[ContactStatement] = []
         self.supports: list[Support] = []
         self.ties: list[Tie] = []
-        self.pairs: list[Pair] = []
+        self.pairs: list[FacePair] = []
         self.loads: list[Loading] = []
         self.springs: list[Spring] = []
 
@@ -191,7 +191,7 @@ class Scene:
         facets, what = self.groups.facets(group), f"traction on {quoted(group)}"
         self.mesh.refuse_inside(facets, what)
         path = place_path(self, facets, vector, what, (3,))
-        self.loads.append(Load("tractions", group_names(group), *path))
+        self.loads.append(StatedLoad("tractions", group_names(group), *path))
 
     def pressure(self, group: Group, value: Drive | Place, *, where: str = "all", from_: Group | None = None) -> None:
         """Pressure on the deformed surface that follows its normal and pushes into the body [pressure per current area].
@@ -210,7 +210,7 @@ class Scene:
             raise SceneError(f'{what}: from_= says where a fluid comes in; it belongs to where="open"')
         path, nodes = load_path(self.space, facets, value, what, ())
         if where == "all":
-            self.loads.append(Load("pressures", group_names(group), path, nodes))
+            self.loads.append(StatedLoad("pressures", group_names(group), path, nodes))
             return
         if self._bare_corners:
             raise SceneError(
@@ -219,13 +219,13 @@ class Scene:
             )
         if from_ is not None:
             refuse_apart(self.mesh, self.space, facets, self.groups.facets(from_), f"{what}: from_ = {quoted(from_)}")
-        self.loads.append(Entering(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
+        self.loads.append(StatedFluid(group_names(group), path, nodes, None if from_ is None else group_names(from_)))
 
     def body_force(self, vector: Drive | Place) -> None:
         """Force per reference volume on all bodies [force/length^3]: (3,) at t = 1, or a function of t or of (X, t), as of
         `pressure`, that gives (n, 3)."""
         path = place_path(self, None, vector, "body force", (3,))
-        self.loads.append(Load("body_force", None, *path))
+        self.loads.append(StatedLoad("body_force", None, *path))
 
     def force(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Dead force on a surface [force], in all, fixed in direction and spread evenly over its area at the start: (3,) at
@@ -233,7 +233,7 @@ class Scene:
         what = f"force on {quoted(group)}"
         self.mesh.refuse_inside(self.groups.facets(group), what)
         names, path = group_names(group), force_path(self, vector, what)
-        self.loads.append(Load("forces", names, path, over=self.area(names)))
+        self.loads.append(StatedLoad("forces", names, path, over=self.area(names)))
 
     def moment(self, group: str | tuple[str, ...], vector: Drive) -> None:
         """Moment on a surface [force length], fixed in space while it turns, by forces about its present centroid that have

@@ -1,7 +1,7 @@
 """A stage of a run as the user states it: what is moved, pushed and loaded in it, in how many steps and how."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from fenics_contact.contact.tools import Tool
@@ -40,6 +40,7 @@ class Stage:
     """
 
     name: str
+    _: KW_ONLY
     move: Moves = field(default_factory=dict)
     push: Mapping[Tool, Drive] = field(default_factory=dict)
     prescribe: Mapping[tuple[Group, Along], Way] = field(default_factory=dict)

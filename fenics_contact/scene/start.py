@@ -87,7 +87,7 @@ def begin(system: System, driven: Driven, start: Start, scene: "Scene") -> list[
                 f"state the same {word} in both, or start from rest"
             )
     q, forces = _tools(system, start.tools)
-    system.stages.origin = End(0.0, q, forces)
+    system.stages.begin(End(0.0, q, forces))
     for what, course in _courses(driven).items():
         value, before = start.drives["loads"].get(what, [course.everywhere(0.0).tolist(), ()])
         origin = np.array(value, dtype=float)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fenics_contact.assembly.system import System
-from fenics_contact.scene.statements import Entering, Spin
+from fenics_contact.scene.statements import Spin, StatedFluid
 from fenics_contact.solid.materials import sampled_energy
 
 if TYPE_CHECKING:  # which is built from what begins with these
@@ -35,7 +35,7 @@ def parts_of(scene: "Scene", system: System) -> Statement:
         out["spin"] = [*spin.axis, *spin.point, *spin.density.values()]
     for i, spring in enumerate(scene.springs):
         out[f"spring {i + 1} on {'+'.join(spring.group)}"] = [spring.stiffness, *(spring.direction or ())]
-    for i, fluid in enumerate(load for load in scene.loads if isinstance(load, Entering)):
+    for i, fluid in enumerate(load for load in scene.loads if isinstance(load, StatedFluid)):
         out[f"source of fluid {i + 1}"] = plain(fluid.source or ("all",))
     for tool, point in zip(scene.tools, system.tools.points, strict=True):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}

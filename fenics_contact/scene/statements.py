@@ -80,7 +80,7 @@ class Tie:
 
 
 @dataclass(frozen=True)
-class Pair:
+class FacePair:
     """Two faces of which the second moves as the first one does: by way(t) (3,) further, or turned about the unit axis (3,)
     through a point."""
 
@@ -127,7 +127,7 @@ def called(word: str, group: tuple[str, ...] | None) -> str:
 
 
 @dataclass(frozen=True)
-class Load:
+class StatedLoad:
     """A dead traction on surfaces [pressure], a pressure that follows them, or, without surfaces, a force on all bodies
     [force/length^3]: path(t), one value, or those at local nodes (n,), over the number `over`, a force's area; word: of
     LOADS."""
@@ -144,9 +144,9 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Entering:
-    """Pressure of a fluid on surfaces, where contact does not press: path(t) as of a Load; source: the surfaces from whose
-    common nodes with `group` it comes in, None: it is everywhere."""
+class StatedFluid:
+    """Pressure of a fluid on surfaces, where contact does not press: path(t) as of a StatedLoad; source: the surfaces from
+    whose common nodes with `group` it comes in, None: it is everywhere."""
 
     word: ClassVar[str] = "pressures"
     shape: ClassVar[tuple[int, ...]] = ()
@@ -182,7 +182,7 @@ class Spin:
 
 @dataclass(frozen=True)
 class Swelling:
-    """A body's volume without stress over that at the start, path(t), as of a Load; of a number, from 1 to there."""
+    """A body's volume without stress over that at the start, path(t), as of a StatedLoad; of a number, from 1 to there."""
 
     word: ClassVar[str] = "swell"
     shape: ClassVar[tuple[int, ...]] = ()
@@ -191,4 +191,4 @@ class Swelling:
     nodes: Ints | None
 
 
-Loading = Load | Entering | MomentLoad | Spin | Swelling
+Loading = StatedLoad | StatedFluid | MomentLoad | Spin | Swelling

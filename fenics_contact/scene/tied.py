@@ -11,7 +11,7 @@ from fenics_contact.assembly.pose import Poses
 from fenics_contact.assembly.ties import Ties
 from fenics_contact.assembly.tool_motion import ToolMotion
 from fenics_contact.contact.tools import Tool
-from fenics_contact.scene.pairs import Pairing
+from fenics_contact.scene.pairs import FacePairs
 from fenics_contact.scene.stage import Stage
 from fenics_contact.types import Floats, Ints64
 from fenics_contact.values import SceneError
@@ -53,7 +53,7 @@ class Bound(NamedTuple):
     motion: ToolMotion
     ties: Ties
     hindered: Sequence[Hindered]
-    paired: Pairing | None
+    paired: FacePairs | None
 
     def refuse_hindered(self, stated: Sequence[Stage], poses: Poses) -> None:
         """Rigid bodies must be able to go all their ways from where the run begins, free ones anywhere, without leaving the

@@ -7,11 +7,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.numbering import node_keys
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.types import Bools, Floats, Vec
 
 STEP = 1e-4  # of a cell, by which nodes are moved: far below penetrations at the default penalty, far above round-off
@@ -104,8 +105,7 @@ def _parts(system: System, term: ContactTerm, move: tuple[Floats, Floats]) -> It
         trial, branches = term.parts.part(np.ones(term.surface.count, dtype=bool), frictionless), []
         for h in (0.0, *SHARES):
             _displace(system, move, h)
-            with system.foresight.trying({term: trial}):
-                branches.append(term.parts.branches(system.state))
+            branches.append(term.parts.branches(system.state, trial))
         system.trail.rollback()
         same = np.all([(b == branches[0]).all(axis=1) for b in branches], axis=0)
         status = branches[0][:, 0]
@@ -146,18 +146,16 @@ def _norm(vector: Vec, tools: Floats) -> float:
 def _forces(system: System, term: Term, trials: Trials) -> tuple[Vec, Floats]:
     """Forces of one term on all dofs (PETSc Vec) and on the tools (tools, 6), at the state. Collective."""
     vector, tools = system.new_vector(), np.zeros_like(system.tool_residual)
-    with vector.localForm() as local, system.foresight.trying(trials):
+    with vector.localForm() as local:
         local.set(0.0)
-        term.add_residual(system.state, local.array_w, tools)
+        term.add_residual(system.state, local.array_w, tools, trials)
     sum_to_owners(vector)
     return vector, system.comm.allreduce(tools)
 
 
 def _rate(system: System, term: Term, trials: Trials, du: Floats, dq: Floats) -> tuple[Vec, Floats]:
     """Rate of the forces when the local dofs move by du and the tools by dq, by the term's tangent. Collective."""
-    stiffness = system.scales.stiffness
     system.assemble_tangent([term], trials)
-    system.scales.stiffness = stiffness
     move, rate = system.new_vector(), system.matrix.createVecLeft()
     move.array[:] = du[: move.getLocalSize()]
     system.matrix.mult(move, rate)

@@ -12,10 +12,10 @@ from fenics_contact.assembly.finding import LIMIT_POINT, OUT_OF_STEPS, Finding
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.arc_length import Arc, ArcLength, ArcReport, Increment, OffThePath
 from fenics_contact.solvers.control import OnStep
-from fenics_contact.solvers.course import ArcSteps, Course, Fork, Leg
+from fenics_contact.solvers.course import ArcSteps, Fork, Leg, Route
 from fenics_contact.solvers.diagnosis import diagnose
 from fenics_contact.solvers.locating import Arrival, Sought, located
-from fenics_contact.solvers.motions import Motion, resistance, softest
+from fenics_contact.solvers.motions import Drift, resistance, softest
 from fenics_contact.solvers.report import StepperTo
 from fenics_contact.solvers.retraced import Retraced
 from fenics_contact.solvers.verdict import StepFailed, Verdict
@@ -49,7 +49,7 @@ class Path:
         arc: ArcLength,
         stepper: StepperTo[Arc, ArcReport],
         steps: ArcSteps,
-        course: Course,
+        course: Route,
     ) -> None:
         self.system, self.arc, self.stepper, self.steps = system, arc, stepper, steps
         self.legs, self.stations, self.fork = course
@@ -319,7 +319,7 @@ class Path:
     def _bifurcation(self, arrival: Arrival, rate: Increment, fork: Fork) -> Arrival:
         """The arrival at a bifurcation that lies within this step, with the null vector on which the path is to go on."""
 
-        def soft(alike: float = 0.0) -> Motion:
+        def soft(alike: float = 0.0) -> Drift:
             self.system.assemble_tangent()
             mode = softest(self.system, fork.dofs, alike)
             if mode is None:

@@ -131,11 +131,11 @@ def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch, s
 def _back(system: System, stepper: Stepper, goal: float, place: tuple[Floats, Floats]) -> None:
     """From the accepted state to the one in balance at t = goal that a step from it has led to: displacement (local array)
     and tools' coordinates (tools, 6) [length]. Collective."""
-    way = system.way_from(*place)
+    way = system.state.way_from(*place)
     system.state.u.x.array[:], system.state.q[:] = place
     try:
         stepper.settle(system, goal)
-        if system.way_from(*place) <= SAME * way:
+        if system.state.way_from(*place) <= SAME * way:
             return
     except StepFailed:
         pass

@@ -1,7 +1,7 @@
 """Where a continuation goes, as it is stated: its arcs, the legs and their targets, the branch it takes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,7 @@ class ArcSteps:
     """
 
     until: object
+    _: KW_ONLY
     back: object = None
     first: float = 0.05
     largest: float = np.inf
@@ -49,7 +50,7 @@ class Fork:
     number: int
 
 
-class Course(NamedTuple):
+class Route(NamedTuple):
     """Where a path goes: legs {words: function () -> distance of the state from a target, which changes its sign there},
     after each of which but the last it is followed back; stations, alike, where steps land on the way; at which bifurcation
     it takes a branch."""

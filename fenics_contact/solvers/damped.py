@@ -40,7 +40,7 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
     system.trail.rollback()
     origin, q, scale = _driven(system, goal), system.state.q.copy(), system.scales.accepted
     _damping(system).begin(origin, q)
-    _damping(system).fluids_stay = True
+    _damping(system).keep_fluids(True)
     report, moving, share, failed = StepReport(), _moving(system), FIRST, ""
     for _ in range(MOTIONS):
         try:
@@ -55,11 +55,11 @@ def jump(system: System, goal: float, stepper: Stepper, farthest: float = np.inf
         system.trail.commit()
         share = max(SOFTER * share, LEAST) if moved.iterations <= EASY * (1 + moved.raises) else share
         last = _at_rest(system, stepper, goal) if resting else None
-        if system.way_from(origin, q) > farthest:
+        if system.state.way_from(origin, q) > farthest:
             break  # or Newton's method has led what came to rest through a snap
         if last:
             report.add(last)
-            _conclude(system, report, system.way_from(origin, q), scale)
+            _conclude(system, report, system.state.way_from(origin, q), scale)
             return report
     _restore(system, kept)
     raise StepFailed(f"damped motion did not come to rest: {failed}" if failed else "damped motion did not come to rest")
@@ -73,7 +73,7 @@ def _moving(system: System) -> Stepper:
 
 def _settle(system: System, stepper: Stepper, goal: float, share: float) -> StepReport:
     """Balance at t = goal with this damping; StepFailed, and the state as it was, if there is none."""
-    _damping(system).share = share
+    _damping(system).resist(share)
     try:
         report = stepper.settle(system, goal)
         if wrong := system.acceptance.objection():
@@ -88,7 +88,7 @@ def _at_rest(system: System, stepper: Stepper, goal: float) -> StepReport | None
     """The report of balance without damping, or None; where contact has cut a fluid off again, and there is none without
     it, with what has come in."""
     for stays in (False, True) if system.fluids else (False,):
-        _damping(system).fluids_stay = stays
+        _damping(system).keep_fluids(stays)
         try:
             return _settle(system, stepper, goal, 0.0)
         except StepFailed:
@@ -106,7 +106,7 @@ def _driven(system: System, goal: float) -> Floats:
     if most == 0.0:
         return u
     damping.begin(u, system.state.q)
-    damping.share = LEAST  # bodies that nothing but contact holds stay where they are
+    damping.resist(LEAST)  # bodies that nothing but contact holds stay where they are
     system.assemble_tangent([system.terms[0], damping])
     rest = system.new_vector()
     rest.set(0.0)
@@ -117,7 +117,7 @@ def _driven(system: System, goal: float) -> Floats:
     except LinearFailure:
         return u
     finally:
-        damping.share = 0.0
+        damping.resist(0.0)
     if way.norm(PETSc.NormType.NORM_INFINITY) <= FOLLOWS * most:
         copy_to_ghosts(way)
         with way.localForm() as local:
@@ -128,11 +128,11 @@ def _driven(system: System, goal: float) -> Floats:
 def _conclude(system: System, report: StepReport, way: float, scale: float) -> None:
     """What the jump was, in the report; steps go on from its end alone. way: how far it went [length]."""
     report.jumped, report.way = True, way
-    _damping(system).fluids_stay = False
+    _damping(system).keep_fluids(False)
     report.notes = [
         f"the state jumped by {way:.3g} {JUMPED}; where several states may follow it is the one that slow motion comes to"
     ]
-    system.scales.accepted = scale
+    system.scales.go_by(scale)
     system.trail.accepted.clear()
 
 
@@ -151,9 +151,10 @@ def _keep(system: System) -> Kept:
 
 def _restore(system: System, kept: Kept) -> None:
     u, q, t, poses, scale, histories = kept
-    _damping(system).share, _damping(system).fluids_stay = 0.0, False
+    _damping(system).resist(0.0)
+    _damping(system).keep_fluids(False)
     system.state.u.x.array[:] = u
     system.state.poses.resume(*poses)
     system.trail.resume(q, t, histories)
     system.assemble_residual()
-    system.scales.accepted = scale
+    system.scales.go_by(scale)

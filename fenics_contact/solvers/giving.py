@@ -7,10 +7,10 @@ from itertools import chain
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.solvers.penalty_error import stiffer
 from fenics_contact.solvers.sensitivity import local
@@ -33,9 +33,8 @@ def gives(system: System, linear: LinearSolver, u: Floats, softer: Iterable[Bloc
         try:
             if here:
                 trials: Trials = {term: stiffer(system)(term, 0.0) for term in system.contacts}
-                with system.foresight.trying(trials):
-                    system.assemble_residual()
-                    system.assemble_tangent(more=softer)
+                system.assemble_residual(trials=trials)
+                system.assemble_tangent(trials=trials, more=softer)
             else:
                 state.u.x.array[:] = u
                 system.assemble_tangent(system.terms[:1], more=chain(softer, _holding(system)))

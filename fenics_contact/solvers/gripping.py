@@ -62,14 +62,14 @@ def _let_go(system: System, linear: LinearSolver, owed: tuple[Floats, Floats], t
         return None
     start = state.u.x.array.copy(), state.q.copy()
     state.q += owed[1]
-    way = SLIGHT * system.way_from(*start)
+    way = SLIGHT * system.state.way_from(*start)
     pressed = any(contact.forces.pressed(state, mask, way) for contact, mask in idle.items())
     state.q[:] = start[1]
     if pressed:
         return None
     try:
         increment = solve_once(system, linear, *owed, tolerance, {c: c.trial.only(~mask) for c, mask in idle.items()})
-        way = SLIGHT * system.way_from(*start)
+        way = SLIGHT * system.state.way_from(*start)
         if not any(contact.forces.pressed(state, mask, way) for contact, mask in idle.items()):
             return increment
     except StepFailed:  # they hold a body or a tool
@@ -110,8 +110,8 @@ def _rubbing(system: System, rough: Sequence[ContactTerm]) -> Forces | None:
     forces, wrenches = np.zeros_like(state.u.x.array), np.zeros_like(state.q)
     bare, smooth = np.zeros_like(forces), np.zeros_like(wrenches)
     for contact, mask in zip(rough, slips, strict=True):
-        contact.add_residual(state, forces, wrenches, contact.parts.part(mask))
-        contact.add_residual(state, bare, smooth, contact.parts.part(mask, frictionless=True))
+        contact.add_residual(state, forces, wrenches, {contact: contact.parts.part(mask)})
+        contact.add_residual(state, bare, smooth, {contact: contact.parts.part(mask, frictionless=True)})
     return forces - bare, wrenches - smooth
 
 

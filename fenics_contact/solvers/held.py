@@ -37,7 +37,7 @@ class Following(Corrected[float, StepReport]):
 
     def _corrected(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
         report, springs = solve(system, t), _springs(system)
-        while springs.engaged and (pull := springs.pull(system.state)) > 1.0:
+        while springs.engaged and (pull := springs.pull(system.state, _allowed(system))) > 1.0:
             if report.augmentations + springs.ahead(system.state) >= LONGEST:
                 text = f"the springs of the stabilisation still pull {pull * ALLOWED:.2g} of the largest force"
                 # a load on what contact alone holds, and more of it than friction can take
@@ -79,7 +79,7 @@ class Held:
         if system.stabilised:
             return self.stepper.step(system, t)
         springs = _springs(system)
-        springs.engaged = False
+        springs.engage(False)
         system.begin_step(t)
         loaded = _loaded(system)
         resting, when, wrong = system.acceptance.loose(), " as the step began", None
@@ -100,7 +100,7 @@ class Held:
             # what an iterate has let go, balance may hold
             when = f" ({failure})" if wrong or resting else f" on the way to balance, which was not found ({failure})"
         system.trail.rollback()
-        springs.engaged = True
+        springs.engage(True)
         report = self.stepper.step(system, t)
         if not self._said:
             names = " and ".join(f"body '{system.bodies[i][0]}' along {', '.join(loose[i])}" for i in sorted(loose))
@@ -112,6 +112,11 @@ class Held:
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after multipliers or penalties have changed."""
         return self.stepper.settle(system, t)
+
+
+def _allowed(system: System) -> float:
+    """Pull [force] that springs may have left: a share of the largest force, or round-off."""
+    return max(ALLOWED * system.scales.largest, system.scales.noise)
 
 
 def _springs(system: System) -> Grounding:

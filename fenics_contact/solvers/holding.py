@@ -5,14 +5,14 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.finding import MOVES, RIGID_MOTION, SLIDES, Finding, spot, tidied
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.term import Term
-from fenics_contact.assembly.trial import ENDLESS
-from fenics_contact.solvers.motions import Motion, by_owner, relaxed, resistance, rigid_motions, turning_point
+from fenics_contact.assembly.trial import ENDLESS, Trials
+from fenics_contact.solvers.motions import Drift, by_owner, relaxed, resistance, rigid_motions, turning_point
 from fenics_contact.solvers.slipping import used_share
 from fenics_contact.solvers.softness import LARGEST, damping
 from fenics_contact.types import Floats, Mat, Vec
@@ -38,7 +38,7 @@ GIVES = 0.5
 THROWN = 0.1  # of the bodies' size: how far a tool that nothing pushes goes within a step only if it is thrown
 PUSHED = 0.1  # of the work of the contacts on a motion: what loads do where they drive it; they do none on a body that rests
 
-Motions = list[tuple[str, Motion, str]]  # owner, motion, words
+Motions = list[tuple[str, Drift, str]]  # owner, motion, words
 
 
 def supported(system: System) -> Mat:
@@ -118,7 +118,7 @@ def kind_of_owner(system: System, name: str) -> str:
     return "tool" if name in system.tools.names else "body"
 
 
-def _products(vectors: Sequence[Motion], weights: Vec, on_tools: float) -> Floats:
+def _products(vectors: Sequence[Drift], weights: Vec, on_tools: float) -> Floats:
     """Weighted products of Motions with each other. Collective."""
     out = np.zeros((len(vectors),) * 2)
     for j, one in enumerate(vectors):
@@ -223,7 +223,7 @@ def _sliding_softly(
     return None
 
 
-def _giving_way(system: System, rough: list[ContactTerm], without: list[ContactTerm]) -> list[Motion]:
+def _giving_way(system: System, rough: list[ContactTerm], without: list[ContactTerm]) -> list[Drift]:
     """Motions of pushed tools, the bodies giving way as they do without the friction of some contacts, of which that leaves
     less than the share HELD of what resists them if all points stick. Collective."""
     if system.vector.getSize() > LARGEST:
@@ -236,7 +236,7 @@ def _giving_way(system: System, rough: list[ContactTerm], without: list[ContactT
     return [combined_motion(system, motions, way) for way in held.T]
 
 
-def _taken_by_friction(system: System, way: Motion, used: Collection[ContactTerm]) -> bool:
+def _taken_by_friction(system: System, way: Drift, used: Collection[ContactTerm]) -> bool:
     """Whether friction of these contacts takes most of the work of what pushes tools on a motion, and strain and all else
     little: at a limit point friction may be used up, too, but it is the bodies that give way. Collective."""
     push = float(np.sum(way.dq * system.tools.forces(system.state.t)))
@@ -273,7 +273,7 @@ def _gripping(system: System, share: float) -> tuple[list[ContactTerm], dict[Con
 
 
 def _spent(
-    system: System, grips: dict[ContactTerm, Floats], ways: Sequence[Motion], asked: bool
+    system: System, grips: dict[ContactTerm, Floats], ways: Sequence[Drift], asked: bool
 ) -> dict[ContactTerm, Floats]:
     """Those of these contacts that can take no more friction: at all points, or against one of the combinations of these
     ways, of which the friction taken, or asked for, is then said. Collective."""
@@ -335,13 +335,13 @@ def _carried_by(system: System, body: str, names: Collection[str]) -> bool:
     return bool(system.comm.allreduce(sum(int(np.isin(nodes, of).sum()) for of in tied)))
 
 
-def combined_motion(system: System, motions: Motions, combined: Floats) -> Motion:
+def combined_motion(system: System, motions: Motions, combined: Floats) -> Drift:
     """A combination of motions (len(motions),)."""
     du, dq = system.new_vector(), np.zeros_like(system.state.q)
     for share, (_, motion, _) in zip(combined, motions, strict=True):
         du.axpy(share, motion.du)
         dq += share * motion.dq
-    return Motion(du, dq)
+    return Drift(du, dq)
 
 
 def thrown(system: System) -> Finding | None:
@@ -370,7 +370,7 @@ def pushed(system: System, motions: Motions, held: Floats) -> bool:
     """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
     shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
     loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
-    forces = Motion(system.new_vector(), -system.tools.forces(system.state.t))
+    forces = Drift(system.new_vector(), -system.tools.forces(system.state.t))
     loads = (loads + [motion.dot(forces) for _, motion, _ in motions]) @ held
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())
 
@@ -382,7 +382,7 @@ def _works(system: System, terms: Sequence[Term], motions: Motions, smooth: Coll
         term.add_residual(system.state, local, tools)
     for contact in smooth:
         contact.forces.press(system.state, local, tools)
-    force = Motion(system.border_vector(local), system.comm.allreduce(tools))
+    force = Drift(system.border_vector(local), system.comm.allreduce(tools))
     return np.array([motion.dot(force) for _, motion, _ in motions])
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.solvers.linear import LinearSolver, Solution
 from fenics_contact.solvers.reuse import TIGHTEST
 from fenics_contact.solvers.verdict import StepFailed

@@ -87,7 +87,7 @@ class LinearSolver:
         rows = Rows(system.comm, size, system.supports.owned)
         self._solver = ReusingSolver(rows, system.symmetric, trials, modes, system.timers, afresh)
         if size <= SMALL and not self._forced:
-            self._solver.longest = LONGEST_IF_SMALL
+            self._solver.give_up_after(LONGEST_IF_SMALL)
         self.stalls = Stalls(self._solver, system.trail, lasts=afresh)
 
     @property

@@ -38,7 +38,7 @@ class Sought(NamedTuple):
     afresh: bool = False
 
 
-class End(NamedTuple):
+class BracketEnd(NamedTuple):
     """Of a bracket: length of the arc to it, the value there, the increment, and the path's rate there."""
 
     length: float
@@ -64,8 +64,8 @@ def located(
     kink is where its lines from both sides meet. Where a path turns sharply there it may have two places of
     one length of arc, and only from the start the first one is found.
     """
-    low = start = End(0.0, first := began[0], arrival.increment.times(0.0), began[1])
-    high = End(arrival.length, here := sought.value(arrival), arrival.increment, arrival.rate)
+    low = start = BracketEnd(0.0, first := began[0], arrival.increment.times(0.0), began[1])
+    high = BracketEnd(arrival.length, here := sought.value(arrival), arrival.increment, arrival.rate)
     at_low, at_high, kept, jumps, solves = first, here, 0, False, 0
     for _ in range(TRIALS):
         width = high.length - low.length
@@ -84,7 +84,7 @@ def located(
             arrival = replace(arrive(place, near), solves=arrival.solves)
         else:
             arrival = arrive(place, None)
-        now = End(place, here := sought.value(arrival), arrival.increment, arrival.rate)
+        now = BracketEnd(place, here := sought.value(arrival), arrival.increment, arrival.rate)
         replaced = high if here * high.value > 0.0 else low
         jumps = sought.width > 0.0 and abs(here) > JUMPS * abs(replaced.value)
         kept = min(kept, 0) - 1 if replaced is high else max(kept, 0) + 1
@@ -97,7 +97,7 @@ def located(
     raise StepFailed(f"{TRIALS} arcs did not settle on one point")
 
 
-def _kink(low: End, high: End, kept: int, width: float) -> float:
+def _kink(low: BracketEnd, high: BracketEnd, kept: int, width: float) -> float:
     """The length of arc at which the loads at both ends, of which the values are the rates, would be one.
 
     It is away from both ends by this width, and from the one that the last -kept (the high one) or kept arcs were at, where

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.finding import MOVES
 from fenics_contact.assembly.system import System
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Ints, Ints64, Mat, Vec
 
@@ -18,14 +18,14 @@ SEEN = 1e-4  # of how a body moves: a part of it that is told
 ROUNDED = 1e-12  # of the largest diagonal entry: what lets a singular tangent be factorised
 
 
-class Motion(NamedTuple):
+class Drift(NamedTuple):
     """du: PETSc Vec (owned part), zero on supports but for what is tied, which goes with dq; dq (tools, 6), zero where a
     tool is not free [lengths alike]."""
 
     du: Vec
     dq: Floats
 
-    def dot(self, other: "Motion") -> float:
+    def dot(self, other: "Drift") -> float:
         """Work of the other's forces, or the inner product. Collective."""
         return self.du.dot(other.du) + float(np.sum(self.dq * other.dq))
 
@@ -35,7 +35,7 @@ class Motion(NamedTuple):
         return float(max(self.du.norm(PETSc.NormType.NORM_INFINITY), np.abs(self.dq).max(initial=0.0)))
 
 
-def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
+def resistance(system: System, motion: Drift, matrix: Mat) -> Drift:
     """Forces of the assembled tangent, its block of the bodies being `matrix`, against a motion. What tied nodes do and feel
     is the tools'. Collective."""
     force, own, tied = system.new_vector(), motion.du.copy(), _tied(system)
@@ -49,7 +49,7 @@ def resistance(system: System, motion: Motion, matrix: Mat) -> Motion:
             tools.flat[c] = system.border_vector(border.rows[c]).dot(own)
         tools += (border.corner @ flat).reshape(-1, 6)
     force.array_w[tied] = 0.0
-    return Motion(force, np.where(system.tools.free, tools, 0.0))
+    return Drift(force, np.where(system.tools.free, tools, 0.0))
 
 
 def _tied(system: System) -> Ints64:
@@ -58,7 +58,7 @@ def _tied(system: System) -> Ints64:
     return dofs[dofs < 3 * system.space.dofmap.index_map.size_local]
 
 
-def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Motion | None:
+def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Drift | None:
     """Motion that the assembled tangent resists least, by inverse iteration; None where it cannot be factorised.
 
     Of the size |du|^2 / nodes + |dq|^2 = 1: a tool counts as much as a body. first: owned dofs that move alike where the
@@ -70,7 +70,7 @@ def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Mo
     shift = max(ROUNDED * system.matrix.getDiagonal().norm(PETSc.NormType.NORM_INFINITY), alike)
     system.matrix.shift(shift)
     free, border = system.tools.free, system.border
-    mode = Motion(system.new_vector(), np.where(free, 1.0, 0.0))
+    mode = Drift(system.new_vector(), np.where(free, 1.0, 0.0))
     if first is not None:
         mode.du.array[first], mode.dq[:] = 1.0, 0.0  # what is tied moves so by its tool
         system.supports.ties.add_wrenches(system.state.poses, system.state.q, mode.du.array, mode.dq)
@@ -79,14 +79,12 @@ def softest(system: System, first: Ints | None = None, alike: float = 0.0) -> Mo
         mode.du.array[:] = np.random.default_rng(system.comm.rank).uniform(-1.0, 1.0, mode.du.getLocalSize())
     if border is None:
         return _iterated(system, mode)
-    corner = border.corner.copy()  # what it is the difference of is as large as it
-    border.corner[np.diag_indices(free.size)] += max(shift, 10 * ROUNDED * np.abs(corner).max())
-    found = _iterated(system, mode)
-    border.corner[:] = corner
-    return found
+    largest = np.abs(border.corner).max()  # what it is the difference of is as large as it
+    with border.stiffer(max(shift, 10 * ROUNDED * largest)):
+        return _iterated(system, mode)
 
 
-def _iterated(system: System, mode: Motion) -> Motion | None:
+def _iterated(system: System, mode: Drift) -> Drift | None:
     """What inverse iteration makes of a motion: of the size |du|^2 / nodes + |dq|^2 = 1, or None. Collective."""
     linear, nodes = LinearSolver(system, "direct", afresh=True, singular=True), system.vector.getSize() / 3
     for sweep in range(SWEEPS):
@@ -95,35 +93,35 @@ def _iterated(system: System, mode: Motion) -> Motion | None:
         if not (np.isfinite(size) and size > 0.0):
             return None
         mode.du.scale(1.0 / size)
-        mode = Motion(mode.du, mode.dq / size)
+        mode = Drift(mode.du, mode.dq / size)
         side = mode.du.copy()
         side.scale(-1.0 / nodes)
         try:
             increment = linear.solve_sides([(side, -mode.dq, *system.still())], again=sweep > 0)
         except LinearFailure:
             return None
-        mode = Motion(*increment[0])
+        mode = Drift(*increment[0])
     size = system.length(*mode)
     mode.du.scale(1.0 / size)
-    return Motion(mode.du, mode.dq / size) if np.isfinite(size) else None
+    return Drift(mode.du, mode.dq / size) if np.isfinite(size) else None
 
 
-def rigid_motions(system: System) -> list[tuple[str, Motion, str]]:
-    """(owner, Motion, words): six rigid motions of every group of bonded bodies, but those on which all of its nodes are
+def rigid_motions(system: System) -> list[tuple[str, Drift, str]]:
+    """(owner, Drift, words): six rigid motions of every group of bonded bodies, but those on which all of its nodes are
     held, as a body of revolution's are along x; then the free ones of the tools."""
     found = []
     for (name, nodes), held in zip(system.bodies, system.holds.everywhere, strict=True):
         still = np.zeros_like(system.state.q)
         ways = zip(_of_body(system, nodes), MOVES, strict=True)
-        found += [(name, Motion(du, still), how) for du, how in ways if not (held.any() and _goes_along(system, du, held))]
+        found += [(name, Drift(du, still), how) for du, how in ways if not (held.any() and _goes_along(system, du, held))]
     for i, axis in zip(*np.nonzero(system.tools.free), strict=True):
         dq = np.zeros_like(system.state.q)
         dq[i, axis] = 1.0
-        found.append((system.tools.names[i], Motion(_carried(system, dq), dq), MOVES[axis]))
+        found.append((system.tools.names[i], Drift(_carried(system, dq), dq), MOVES[axis]))
     return found
 
 
-def relaxed(system: System, trials: Trials) -> list[Motion]:
+def relaxed(system: System, trials: Trials) -> list[Drift]:
     """Motions of the pushed tools with the bodies giving way to them, by the tangent with these trial states of contacts:
     what forces on each free component alone do. [] where there are none, or the tangent is singular. Collective."""
     sides = []
@@ -141,24 +139,27 @@ def relaxed(system: System, trials: Trials) -> list[Motion]:
     sizes = [system.length(du, dq) for du, dq in found]
     for (du, _), size in zip(found, sizes, strict=True):
         du.scale(1.0 / max(size, 1e-300))
-    return [Motion(du, dq / size) for (du, dq), size in zip(found, sizes, strict=True) if np.isfinite(size) and size > 0.0]
+    return [Drift(du, dq / size) for (du, dq), size in zip(found, sizes, strict=True) if np.isfinite(size) and size > 0.0]
 
 
-def by_owner(system: System, motion: Motion) -> list[tuple[str, Motion, str]]:
-    """(owner, Motion, ""): the parts of a motion that its bodies and tools have, what is tied to a tool with that."""
+def by_owner(system: System, motion: Drift) -> list[tuple[str, Drift, str]]:
+    """(owner, Drift, ""): the parts of a motion that its bodies and tools have, what is tied to a tool with that."""
     found, owned, tied = [], system.space.dofmap.index_map.size_local, system.supports.ties.nodes
     for name, nodes in system.bodies:
-        part, own = Motion(system.new_vector(), np.zeros_like(motion.dq)), nodes[(nodes < owned) & ~np.isin(nodes, tied)]
+        part, own = (
+            Drift(system.new_vector(), np.zeros_like(motion.dq)),
+            nodes[(nodes < owned) & ~np.isin(nodes, tied)],
+        )
         part.du.array_w.reshape(-1, 3)[own] = motion.du.array_r.reshape(-1, 3)[own]
         found.append((name, part, ""))
     for i in np.flatnonzero(system.tools.free.any(axis=1)):
         dq = np.zeros_like(motion.dq)
         dq[i] = motion.dq[i]
-        found.append((system.tools.names[i], Motion(_carried(system, dq), dq), ""))
+        found.append((system.tools.names[i], Drift(_carried(system, dq), dq), ""))
     return found
 
 
-def turning_point(system: System, name: str, motions: Sequence[Motion]) -> Floats | None:
+def turning_point(system: System, name: str, motions: Sequence[Drift]) -> Floats | None:
     """The place (3,) [length] nearest to the middle of a body of that name about which all of these rigid motions turn it;
     None where there is none but that. Collective."""
     nodes = next((nodes for body, nodes in system.bodies if body == name), None)

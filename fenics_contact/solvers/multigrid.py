@@ -4,7 +4,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from fenics_contact.assembly.block_operator import Blocks
+from fenics_contact.assembly.block_operator import BlockOperator
 from fenics_contact.assembly.gauss_seidel import GaussSeidel
 from fenics_contact.assembly.petsc_memory import HANDLE, called
 from fenics_contact.types import Mat
@@ -33,7 +33,7 @@ def hierarchy_of(scalars: Mat, prefix: str) -> Any:
     return hierarchy
 
 
-def multigrid(hierarchy: Any, blocks: Blocks, prefix: str) -> tuple[Any, GaussSeidel | None]:
+def multigrid(hierarchy: Any, blocks: BlockOperator, prefix: str) -> tuple[Any, GaussSeidel | None]:
     """A V-cycle as PC of the levels of `hierarchy_of`, whose matrix by scalars is needed no more then, and what must live as
     long.
 

@@ -11,7 +11,7 @@ from fenics_contact.assembly.section import Section, adding_up
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trial import Trial
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.sensitivity import Change, Sensitivity, Vary, sensitivities
+from fenics_contact.solvers.sensitivity import ContactRates, Sensitivity, Vary, sensitivities
 
 # Of the peak pressure: a greater change is no small one, and the peak (at a corner, an edge) is the penalty's as much as the
 # bodies'. With springs in series a third of the present value is half of it in truth.
@@ -76,7 +76,7 @@ def penalty_costs(system: System, linear: LinearSolver) -> dict[str, float]:
     return costs
 
 
-def _opening(system: System, term: ContactTerm, change: Change) -> float:
+def _opening(system: System, term: ContactTerm, change: ContactRates) -> float:
     """Force with which points would pull were all penalties endless, to first order. Collective."""
     pulls = np.minimum(change.pressure + change.to_pressure, 0.0) @ term.surface.area.ravel()
     return -float(system.comm.allreduce(pulls))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.assembly.block_operator import Blocks, raise_stopped
+from fenics_contact.assembly.block_operator import BlockOperator, raise_stopped
 from fenics_contact.assembly.gauss_seidel import GaussSeidel
 from fenics_contact.solvers.choice import Choice
 from fenics_contact.solvers.factors import Factors, unless_given
@@ -100,7 +100,7 @@ class ReusingSolver:
         self._copy: Mat = None  # what is coarsened
         self._rows: FreeRows | None = None  # what is factorised, and by what
         self._factors = Factors(rows.comm, PREFIX, symmetric)
-        self._blocks: Blocks | None = None  # multigrid's matrix by our own products, and its smoother
+        self._blocks: BlockOperator | None = None  # multigrid's matrix by our own products, and its smoother
         self._relaxation: GaussSeidel | None = None
         self._pattern: int | None = None
         self._reuse: Reuse | None = None
@@ -118,6 +118,14 @@ class ReusingSolver:
         self._drop()
         if method == "direct":
             self._factorised()
+
+    def go_by(self, choice: Choice | None) -> None:
+        """Ask a choice for the method of each new preconditioner, or none: that in use stays."""
+        self.choice = choice
+
+    def give_up_after(self, iterations: int) -> None:
+        """At most so many in a solve with a new preconditioner."""
+        self.longest = iterations
 
     def _drop(self) -> None:
         """Free PETSc's objects at once, for Python alone never frees what several ranks share."""
@@ -165,7 +173,7 @@ class ReusingSolver:
         if self._near_null_space is not None:
             scalars.setNearNullSpace(self._near_null_space(scalars))
         hierarchy = hierarchy_of(scalars, PREFIX)
-        self._blocks = Blocks(matrix)  # after what takes the most memory
+        self._blocks = BlockOperator(matrix)  # after what takes the most memory
         self._objects = (self._blocks,)
         pc, self._relaxation = multigrid(hierarchy, self._blocks, PREFIX)
         self._general = self._ksp(pc, "gmres")

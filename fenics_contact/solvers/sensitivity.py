@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fenics_contact.assembly.contact_term import ContactTerm, Trials
+from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.exchange import copy_to_ghosts
 from fenics_contact.assembly.system import System
-from fenics_contact.assembly.trial import Trial
+from fenics_contact.assembly.trial import Trial, Trials
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
 from fenics_contact.types import Floats, Vec
 
@@ -22,7 +22,7 @@ Vary = Callable[[ContactTerm, float], Trial]
 Pressures = Callable[[ContactTerm], Floats]  # of all local nodes, as the system's state has them
 
 
-class Change(NamedTuple):
+class ContactRates(NamedTuple):
     """Of a contact: pressure (n,) at this rank's points, its integral over the surface, load, and the rates of the force on
     the slave (3,), of the pressure and of the load with the parameter; at_nodes, to_nodes: pressures of local nodes and
     their rates, where asked for."""
@@ -39,7 +39,7 @@ class Change(NamedTuple):
 class Sensitivity(NamedTuple):
     """Changes by contact, and the rate of the tools' coordinates (tools, 6) [length]."""
 
-    contacts: dict[str, Change]
+    contacts: dict[str, ContactRates]
     tools: Floats
 
 
@@ -82,7 +82,7 @@ def _along(system: System, vary: Vary, rate: tuple[Floats, Floats], pressures: P
         to_force, to_pressure, to_nodes = ((a - b) / (2.0 * NUDGE) for a, b in zip(more, less, strict=True))
         area, (_, pressure, at_nodes) = term.surface.area.ravel(), now
         load, to_load = system.comm.allreduce(np.array([pressure @ area, to_pressure @ area]))
-        contacts[term.name] = Change(pressure, float(load), to_force, to_pressure, float(to_load), at_nodes, to_nodes)
+        contacts[term.name] = ContactRates(pressure, float(load), to_force, to_pressure, float(to_load), at_nodes, to_nodes)
     return Sensitivity(contacts, dq)
 
 
@@ -101,8 +101,7 @@ def _at(
 
 def _out_of_balance(system: System, trials: Trials) -> tuple[Vec, Floats]:
     """The residual and that of the tools where the contacts are evaluated with these trials. Collective."""
-    with system.foresight.trying(trials):
-        system.assemble_residual()
+    system.assemble_residual(trials=trials)
     return system.residual_vector.copy(), system.tool_residual.copy()
 
 
@@ -118,9 +117,8 @@ def _rates(
         force.scale(0.5 / NUDGE)
         sides.append((force, (tools - tools_less) / (2.0 * NUDGE), *system.still()))
     here = {term: varied[0](term, 0.0) for term in system.contacts}  # the tangent of what presses, not of what is held
-    with system.foresight.trying(here):
-        system.assemble_residual()
-        system.assemble_tangent()
+    system.assemble_residual(trials=here)
+    system.assemble_tangent(trials=here)
     try:
         return [(local(system, du), dq) for du, dq in linear.solve_sides(sides, tolerance)]
     except LinearFailure:

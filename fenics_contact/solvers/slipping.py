@@ -7,7 +7,7 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trial import ENDLESS
-from fenics_contact.solvers.motions import Motion
+from fenics_contact.solvers.motions import Drift
 from fenics_contact.types import Floats
 
 NEARBY = 1e-3  # of a contact's deepest penetration: a motion that opens none of its points, but for those that hardly press
@@ -15,7 +15,7 @@ SWEEPS = 50  # of reweighted least squares; each share is one that a motion has,
 LEAST = 1e-6  # of the fastest point's: a slower one, at the centre of a turn, weighs as one of that
 
 
-def used_share(system: System, contact: ContactTerm, motions: Sequence[Motion], asked: bool = False) -> float:
+def used_share(system: System, contact: ContactTerm, motions: Sequence[Drift], asked: bool = False) -> float:
     """The largest share, over all combinations of motions, that the work of the friction present is of what it would be with
     all points slipping along the combination; asked: of the friction that there would be, were it endless. Collective.
 
@@ -42,7 +42,7 @@ def used_share(system: System, contact: ContactTerm, motions: Sequence[Motion], 
     return share
 
 
-def _slips(system: System, contact: ContactTerm, motions: Sequence[Motion]) -> Floats:
+def _slips(system: System, contact: ContactTerm, motions: Sequence[Drift]) -> Floats:
     """How the points of this rank slip in motions (len(motions), points, 3), against the friction that resists it."""
     state, law, forces = system.state, contact.trial.law, contact.forces
     u, q, endless = state.u.x.array.copy(), state.q.copy(), contact.trial.with_friction(ENDLESS)

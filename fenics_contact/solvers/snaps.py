@@ -10,7 +10,7 @@ from fenics_contact.assembly.trail import Accepted
 from fenics_contact.solvers.arc_length import ArcLength
 from fenics_contact.solvers.augmented import Augmented
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.motions import Motion
+from fenics_contact.solvers.motions import Drift
 from fenics_contact.solvers.newton import Newton
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.softness import AHEAD, arcs, damping, fold_ahead, load_change, where
@@ -178,7 +178,7 @@ def _told(system: System, low: Reached, high: Reached, found: str) -> str:
             f"{DRIVEN} near t = {low[0]:.6g}, and the state with them by {far:.3g}: where it could come to "
             "rest in several places it is Newton's choice; let them change over a time of some steps"
         )
-    name, place, most = where(system, Motion(du, dq))
+    name, place, most = where(system, Drift(du, dq))
     ways = np.linalg.norm(dq, axis=1)
     what = f"body '{name}' at {place}" if most >= ways.max(initial=0.0) else f"tool '{system.tools.names[ways.argmax()]}'"
     jumped = f"near t = {low[0]:.6g} the state jumped by {far:.3g}, {what} farthest"

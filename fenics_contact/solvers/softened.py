@@ -23,6 +23,10 @@ class Softened:
     def __init__(self, stepper: Newton) -> None:
         self.stepper, self.rough, self.helps = stepper, Newton(stepper.linear, ROUGH, stepper.limit), False
 
+    def recall(self, helps: bool) -> None:
+        """Go on as a run did that had come to this."""
+        self.helps = helps
+
     def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
         softer = {term: part for term in system.contacts if (part := term.penalties.softness(system.state)) < 1.0}

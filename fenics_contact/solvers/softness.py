@@ -7,15 +7,15 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.assembly.blocks import insert
-from fenics_contact.assembly.contact_term import Trials
 from fenics_contact.assembly.finding import LIMIT_POINT, RIGID_MOTION, Finding, spot
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trail import Accepted
+from fenics_contact.assembly.trial import Trials
 from fenics_contact.solvers.arc_length import LOAD_PROBE, ArcLength
 from fenics_contact.solvers.gripping import GRIP
 from fenics_contact.solvers.increment import solve_once
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.motions import Motion, resistance, rigid_motions, softest
+from fenics_contact.solvers.motions import Drift, resistance, rigid_motions, softest
 from fenics_contact.solvers.newton import relative_residual
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Bools, Floats, Vec
@@ -89,7 +89,7 @@ def slides_over(system: System, tool: int) -> bool:
     return soft is not None and bool(where(system, soft[0])[2] < TAKEN * np.linalg.norm(soft[0].dq[tool]))
 
 
-def _soft(system: System, trials: Trials | None = None) -> tuple[Motion, float, float] | None:
+def _soft(system: System, trials: Trials | None = None) -> tuple[Drift, float, float] | None:
     """The softest motion, what it resists, and what its nodes resist each alone; None where there is none to be had.
     Collective."""
     if system.vector.getSize() > LARGEST:
@@ -122,7 +122,7 @@ def _sinking(system: System, now: float) -> Finding | None:
 
 
 # -- a part that is loose or topples ----------------------------------------------------------------------------------
-def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | None:
+def _loose(system: System, mode: Drift, now: float, alone: float) -> Finding | None:
     """A finding if a part that is not joined to the rest moves freely, or a body that contact alone holds topples."""
     if _moves_freely(system, mode, now, alone):
         name, place, _ = where(system, mode)
@@ -135,7 +135,7 @@ def _loose(system: System, mode: Motion, now: float, alone: float) -> Finding | 
     return _toppling(system, mode)
 
 
-def _toppling(system: System, mode: Motion) -> Finding | None:
+def _toppling(system: System, mode: Drift) -> Finding | None:
     """A finding if a motion that nothing resists is one of bodies as rigid ones. Collective."""
     names, part, how = _rigid_part(system, mode)
     if part < RIGID:
@@ -160,7 +160,7 @@ def topples_ahead(system: System, goal: float) -> Finding | None:
     u, q, _ = system.trail.last
     found = None
     for _ in _iterates(system, goal):
-        far = system.way_from(u, q) > TIPPED * system.extent
+        far = system.state.way_from(u, q) > TIPPED * system.extent
         soft = _soft(system) if far else None
         if soft and soft[1] < TOPPLES * soft[2] and (found := _toppling(system, soft[0])):
             break
@@ -191,7 +191,7 @@ def _iterates(system: System, goal: float) -> Iterator[float]:
         du, dq = np.zeros_like(du), np.zeros_like(dq)
 
 
-def _moves_freely(system: System, mode: Motion, now: float, alone: float) -> bool:
+def _moves_freely(system: System, mode: Drift, now: float, alone: float) -> bool:
     """Whether a motion is resisted by nothing since it strains nothing: at a limit point the softest one strains the bodies,
     and is resisted as little. Collective.
 
@@ -202,7 +202,7 @@ def _moves_freely(system: System, mode: Motion, now: float, alone: float) -> boo
     return _rigid_part(system, mode)[1] >= RIGID or abs(_unloaded_stiffness(system, mode)) < LOOSE * alone
 
 
-def _rigid_part(system: System, mode: Motion) -> tuple[list[str], float, str]:
+def _rigid_part(system: System, mode: Drift) -> tuple[list[str], float, str]:
     """(bodies, share, words): the bodies whose rigid motions, of those that their supports leave free, together make up this
     share of a motion's square. Collective."""
     found: dict[str, list[tuple[Vec, str]]] = {}
@@ -231,7 +231,7 @@ def _left_free(system: System, vectors: list[Vec]) -> Floats:
     return np.asarray(axes[:, sizes <= (STILL * largest) ** 2])
 
 
-def where(system: System, mode: Motion) -> tuple[str, str, float]:
+def where(system: System, mode: Drift) -> tuple[str, str, float]:
     """Body and reference position of the node that moves most in a motion, and how far [of its size]. Collective."""
     found = system.longest(mode.du.array_r)
     if found is None:
@@ -241,7 +241,7 @@ def where(system: System, mode: Motion) -> tuple[str, str, float]:
 
 
 # -- limit point ------------------------------------------------------------------------------------------------------
-def limit_point(system: System, mode: Motion, now: float, goal: float | None = None) -> Finding | None:
+def limit_point(system: System, mode: Drift, now: float, goal: float | None = None) -> Finding | None:
     """A finding if the softest motion, of stiffness `now`, has lost nearly all that it has in the unloaded bodies, and the
     path's rate says that the fold lies no further ahead than a few times the step to `goal`, or that step crosses a kink.
 
@@ -273,7 +273,7 @@ def limit_point(system: System, mode: Motion, now: float, goal: float | None = N
     return Finding(LIMIT_POINT, text, ", ".join([*tools, f"body '{name}' at {place}"]), " or ".join(ways))
 
 
-def _falls(system: System, mode: Motion, goal: float) -> bool:
+def _falls(system: System, mode: Drift, goal: float) -> bool:
     """Whether the softest motion of the accepted state resists less than not at all at one of the first iterates of a step
     to `goal`, near balance: there a point opens or slips with which the last stiffness goes. Collective.
 
@@ -358,7 +358,7 @@ def fold_ahead(system: System, states: list[Accepted] | None = None) -> float:
     return (t_now - t) / (4.0 * q * (q - 1.0)) if q > 1.0 else np.inf
 
 
-def _unloaded_stiffness(system: System, mode: Motion) -> float:
+def _unloaded_stiffness(system: System, mode: Drift) -> float:
     """Rayleigh quotient of a motion in the undeformed bodies, contacts and loads away."""
     system.state.u.x.array[:] = 0.0
     system.matrix.zeroEntries()

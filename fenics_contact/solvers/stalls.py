@@ -38,7 +38,8 @@ class Stalls:
     def renew(self) -> None:
         """Call before each new tangent: the iterative solver serves again where the step that stalled it is over."""
         if self.standing and self._over and not self.stays:
-            self.standing, self._solver.choice = False, self.choice
+            self.standing = False
+            self._solver.go_by(self.choice)
             self._solver.use(OTHER["direct"])
             if self.choice:
                 self.choice.count_anew()
@@ -76,7 +77,8 @@ class Stalls:
         return self._tries == 0 or (self._tries < TRIES and self._trail.returns != self._returns)
 
     def _stand_in(self) -> None:
-        self.standing, self._solver.choice = True, None
+        self.standing = True
+        self._solver.go_by(None)
         self._solver.use("direct")
 
     def _stay(self) -> None:

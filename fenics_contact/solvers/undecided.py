@@ -19,7 +19,7 @@ from fenics_contact.solvers.holding import (
     pushed,
     resisted,
 )
-from fenics_contact.solvers.motions import Motion, rigid_motions
+from fenics_contact.solvers.motions import Drift, rigid_motions
 from fenics_contact.types import Vec
 
 NEARLY = 0.9  # of the friction that its law allows: contacts that slide one instead of the other as the steps happen to fall
@@ -93,7 +93,7 @@ class _Rubbing(NamedTuple):
     taken: float
     most: float
     friction: Vec
-    forces: Motion
+    forces: Drift
 
     @classmethod
     def of(cls, system: System, contact: ContactTerm, taken: float, most: float) -> "_Rubbing":
@@ -102,11 +102,11 @@ class _Rubbing(NamedTuple):
         pressed, wrenches = np.zeros_like(local), np.zeros_like(tools)
         contact.add_residual(system.state, local, tools)
         contact.forces.press(system.state, pressed, wrenches)
-        forces = Motion(system.border_vector(local), system.comm.allreduce(tools))
+        forces = Drift(system.border_vector(local), system.comm.allreduce(tools))
         return cls(contact, taken, most, system.border_vector(local - pressed), forces)
 
 
-def _against_each_other(rubbing: Sequence[_Rubbing], motion: Motion) -> list[_Rubbing]:
+def _against_each_other(rubbing: Sequence[_Rubbing], motion: Drift) -> list[_Rubbing]:
     """Contacts that pull each other along a motion, either side as near to sliding. Collective."""
     if len(rubbing) < 2:
         return []
@@ -120,14 +120,14 @@ def _against_each_other(rubbing: Sequence[_Rubbing], motion: Motion) -> list[_Ru
     return [one for one, pulling in zip(rubbing, pulls, strict=True) if pulling]
 
 
-def _gone_along(system: System, motion: Motion) -> bool:
+def _gone_along(system: System, motion: Drift) -> bool:
     """Whether bodies have gone along a motion, whatever else they have done. Collective."""
     u, size = system.new_vector(), motion.du.dot(motion.du)
     u.array[:] = system.state.u.x.array[: system.vector.getLocalSize()]
     return bool(size > 0.0 and abs(motion.du.dot(u)) / size * motion.largest > ASIDE * system.scales.moved)
 
 
-def _against_itself(system: System, rubbing: Sequence[_Rubbing], motion: Motion) -> list[_Rubbing]:
+def _against_itself(system: System, rubbing: Sequence[_Rubbing], motion: Drift) -> list[_Rubbing]:
     """Contacts of which one side pulls the other along a motion, by friction, along which bodies have gone. Collective."""
     if not _gone_along(system, motion):
         return []

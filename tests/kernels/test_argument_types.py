@@ -7,7 +7,7 @@ import pytest
 from numba import njit, typeof
 
 from fenics_contact.kernels import argument_types
-from fenics_contact.kernels.law import Friction
+from fenics_contact.kernels.law import SMOOTH, Friction
 
 
 class Pair(NamedTuple):
@@ -22,7 +22,7 @@ def frozen():
 
 
 ARRAYS = tuple(np.zeros(3) for _ in range(6))
-FRICTION = Friction(0.3, 1.0, 0.0, 0.0, 1.0, (1.0, 0.0, 0.0), np.empty((0, 2)), np.empty((0, 3)))
+FRICTION = SMOOTH._replace(mu=0.3, along=(1.0, 0.0, 0.0))
 VALUES = {
     "arrays": ARRAYS,
     "integers first": (np.zeros(3, dtype=np.int64), *ARRAYS[1:]),

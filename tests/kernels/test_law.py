@@ -39,6 +39,11 @@ POINTS = {
 }
 
 
+def test_a_law_says_whether_it_asks_for_a_pressure():
+    assert all(law.asks_pressure for law in (FALLING, CAPPED, BENT))
+    assert not any(law.asks_pressure for law in (SMOOTH, SOME, GROOVED))
+
+
 def at(name, press=None, n=NORMAL, w=WAY, eps_n=EPS_N, along=None):
     """(law, gaps, n, w) of a point; a press of its own decides with it, unless another pressure was foreseen."""
     _, friction, own, decides = POINTS[name]
