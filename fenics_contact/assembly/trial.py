@@ -9,6 +9,7 @@ from fenics_contact.kernels.law import Friction
 from fenics_contact.types import Anchors, Bools, Floats, Ints
 
 PRESENT: Floats = np.empty(0)
+NOTHING: Floats = np.empty((0, 3))
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 SMOOTH = Friction(0.0, 1.0, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0), np.empty((0, 2)), np.empty((0, 3)))  # no friction
 # Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.
@@ -65,17 +66,23 @@ class History:
 @dataclass(frozen=True, eq=False)
 class Trial:
     """Law and history that a contact is evaluated with; area (ne, nq): reference areas of its points [length^2]; judged
-    (ne nq,): gaps, shifts added, that decide what is open and what slips in the place of the present ones; (0,): these."""
+    (ne nq,): gaps, shifts added, that decide what is open and what slips in the place of the present ones; (0,): these;
+    rubs (np, 3): what samples of averages rub with besides [force]; (0, 3): nothing."""
 
     law: Law
     history: History
     area: Floats
     judged: Floats = field(default_factory=lambda: PRESENT)
+    rubs: Floats = field(default_factory=lambda: NOTHING)
 
     @property
     def rough(self) -> bool:
         """Whether there is friction."""
         return self.law.friction.mu > 0.0
+
+    def rubbing(self, more: Floats) -> "Trial":
+        """With more friction (np, 3) at the samples of averages [force]."""
+        return replace(self, rubs=more)
 
     @property
     def asks_pressure(self) -> bool:
