@@ -1,11 +1,13 @@
-"""What cells, penalties, chords and nodes cost, noted where stages end: the last one may have let go what others pressed."""
+"""What cells, penalties, chords, nodes and friction between these cost, noted where stages end: the last one may have let go
+what others pressed."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from fenics_contact.assembly.section import Section
 from fenics_contact.assembly.system import System
+from fenics_contact.output.between_nodes import friction_notes, friction_summary
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
     Summary,
@@ -25,6 +27,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Stage
 from fenics_contact.scene.within_cells import stiffnesses
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
+from fenics_contact.solvers.friction_error import between_nodes, by_own_ways, friction_error
 from fenics_contact.solvers.giving import gives
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.node_error import deeper, lifted, node_error
@@ -32,8 +35,18 @@ from fenics_contact.solvers.penalty_error import penalty_error, stiffer
 from fenics_contact.solvers.sensitivity import LINEAR, sensitivities
 from fenics_contact.solvers.verdict import GREW
 
-Shares = dict[str, tuple[float, float]]
-Errors = tuple[dict[str, Any] | None, Shares, dict[str, tuple[float, float | None]]]
+
+class Errors(NamedTuple):
+    """What the penalties cost, None if not to be had, and by contact what straight cells, nodes between points and friction
+    between nodes do, see `chord_error`, `node_error` and `friction_error`."""
+
+    penalties: dict[str, Any] | None
+    chords: dict[str, tuple[float, float]]
+    nodes: dict[str, tuple[float, float | None]]
+    friction: dict[str, tuple[float, list[float]]]
+
+
+UNKNOWN = Errors(None, {}, {}, {})
 
 
 class Costs:
@@ -53,7 +66,7 @@ class Costs:
         """What penalties, chords and nodes cost. Collective."""
         scene, system, units = self._scene, self._system, self._scene.units
         with system.timers("penalty error"):
-            error, chords, nodes = errors(system, plan.solver, scene.section, self.kept.results)
+            error, chords, nodes, friction = errors(system, plan.solver, scene.section, self.kept.results)
         travel, loads = greatest(scene, system, self.kept.history)
         cost = penalty_summary(error, list(travel), units)
 
@@ -63,11 +76,12 @@ class Costs:
         by_name = {name: e["force_change_over_load"] for name, e in cost.get("contacts", {}).items()}
         self._say(plan.stage, "penalties", by_name, cost.get("contacts", {}), penalties)
         for what, summary, notes in (
-            ("chords", chord_summary(chords, units), chord_notes),
-            ("nodes", node_summary(nodes, units), node_notes),
+            ("chords", chord_summary(chords, units), partial(chord_notes, units=units)),
+            ("nodes", node_summary(nodes, units), partial(node_notes, units=units)),
+            ("friction", friction_summary(friction), friction_notes),
         ):
             by_name = {name: e["load_change_over_load"] for name, e in summary.items()}
-            self._say(plan.stage, what, by_name, summary, partial(notes, units=units))
+            self._say(plan.stage, what, by_name, summary, notes)
 
     def stiff(self, plan: Plan) -> None:
         """How far off bodies are by their cells, where they had most strain energy in the stage, or, if any swells, by how
@@ -107,14 +121,21 @@ def greatest(scene: Scene, system: System, history: list[HistoryRow]) -> tuple[d
 
 
 def errors(system: System, solver: LinearSolver, section: Section | None, results: Results) -> Errors:
-    """What the penalties cost, None if not to be had, and by contact what straight cells and nodes between points do, see
-    `chord_error` and `node_error`. Collective."""
-    round_, deep = is_round(system), deeper(system)
-    varied = [stiffer(system), *([rounder(system)] if round_ else []), *([lifted(system, deep)] if deep else [])]
+    """Of the last accepted state. Collective."""
+    round_, deep, between = is_round(system), deeper(system), between_nodes(system)
+    varied = [stiffer(system)]
+    varied += [rounder(system)] if round_ else []
+    varied += [by_own_ways(system, between)] if between else []
+    varied += [lifted(system, deep)] if deep else []
     # points follow what shifts them but for a penetration, all that presses: a solve must tell that from the way
     tolerance = LINEAR * min(deep.part, 1.0) if deep else LINEAR
     found = sensitivities(system, solver, varied, tolerance, results.pressures)
     if found is None:
-        return None, {}, {}
-    chords = chord_error(system, found[1]) if round_ else {}
-    return penalty_error(system, found[0], section), chords, node_error(system, deep, found[-1]) if deep else {}
+        return UNKNOWN
+    rates = iter(found)
+    return Errors(
+        penalty_error(system, next(rates), section),
+        chord_error(system, next(rates)) if round_ else {},
+        friction=friction_error(system, between, next(rates)) if between else {},
+        nodes=node_error(system, deep, next(rates)) if deep else {},
+    )

@@ -17,8 +17,9 @@ from fenics_contact.assembly.finding import ERROR, Finding
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.contact.tools import RigidTool, Tool
-from fenics_contact.costs import Costs, errors, greatest
+from fenics_contact.costs import UNKNOWN, Costs, errors, greatest
 from fenics_contact.options import Method, Output, Steps, stated_method, stated_output, stated_stages
+from fenics_contact.output.between_nodes import friction_notes, friction_summary
 from fenics_contact.output.carrying import Carriers, sparse_notes, unresolved_notes
 from fenics_contact.output.columns import HistoryRow
 from fenics_contact.output.history import (
@@ -152,10 +153,13 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
     summary = _summary(scene, system, plans, verdict, kept.history)
     with timers("penalty error"):
         solver = plans[system.stages.index].solver
-        error, chords, nodes = errors(system, solver, scene.section, kept.results) if verdict.converged else (None, {}, {})
+        error, chords, nodes, friction = (
+            errors(system, solver, scene.section, kept.results) if verdict.converged else UNKNOWN
+        )
     summary["penalty_error"] = penalty_summary(error, list(travel), scene.units)
     summary["chord_error"] = chord_summary(chords, scene.units)
     summary["node_error"] = node_summary(nodes, scene.units)
+    summary["friction_error"] = friction_summary(friction)
     left = misfits(system) if verdict.converged else {}
     astray = {term.name: term.penalties.remedy for term, error in left.items() if error > ASTRAY}
     if not any(
@@ -163,6 +167,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
     ):  # of which first order tells nothing
         kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
     kept.remark(chord_notes(summary["chord_error"], scene.units) + node_notes(summary["node_error"], scene.units))
+    kept.remark(friction_notes(summary["friction_error"]))
     if verdict.converged:
         costs.stiff(plans[system.stages.index])
     summary["energy"] = energy_summary(

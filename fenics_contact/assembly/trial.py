@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from fenics_contact.assembly.contact_term import ContactTerm
 
 PRESENT: Floats = np.empty(0)
+NOTHING: Floats = np.empty((0, 3))
 ENDLESS = 1e12  # coefficient of friction under which every point in contact sticks
 # Of a cell's height: gaps up to that are none at the start, surfaces drawn in contact carry them.
 DRAWN = 1e-10
@@ -68,17 +69,23 @@ class History:
 @dataclass(frozen=True, eq=False)
 class Trial:
     """Law and history that a contact is evaluated with; area (ne, nq): reference areas of its points [length^2]; judged
-    (ne nq,): gaps, shifts added, that decide what is open and what slips in the place of the present ones; (0,): these."""
+    (ne nq,): gaps, shifts added, that decide what is open and what slips in the place of the present ones; (0,): these;
+    rubs (np, 3): what samples of averages rub with besides [force]; (0, 3): nothing."""
 
     law: ContactLaw
     history: History
     area: Floats
     judged: Floats = field(default_factory=lambda: PRESENT)
+    rubs: Floats = field(default_factory=lambda: NOTHING)
 
     @property
     def rough(self) -> bool:
         """Whether there is friction."""
         return self.law.friction.mu > 0.0
+
+    def rubbing(self, more: Floats) -> "Trial":
+        """With more friction (np, 3) at the samples of averages [force]."""
+        return replace(self, rubs=more)
 
     def under(self, law: ContactLaw) -> "Trial":
         return replace(self, law=law)

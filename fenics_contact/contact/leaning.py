@@ -65,19 +65,29 @@ def lean_note(contact: Contact, state: State, lean: Lean) -> Remark | None:
     free = not contact.rough
     if at_ends > (ASIDE if slides else NONE if free else LEANS):
         known = slides or free
+        also = _of_friction(contact, state, at_ends) if slides else ""  # what sticks may rub with next to nothing
         off = "by so much of the load its tangential force is off" if known else "its tangential force may be off as far"
         return Remark(
             at_ends,
             f"{text}: an edge of the slave folds, or turns within a step where it is what touches, and {at_ends:.2g} of the "
-            f"load acts aside; {off}; {SMOOTH}, {ROUND}, let it meet an analytic tool, or, if it turns, take more steps",
+            f"load acts aside{also}; {off}; {SMOOTH}, {ROUND}, "
+            "let it meet an analytic tool, or, if it turns, take more steps",
         )
     if slides and all_over > min(LEANS, 0.1 * contact.trial.law.friction.mu):  # or a tenth of friction itself
         return Remark(
             all_over,
             f"{text}, an edge of which digs in, or where few nodes of a round side touch: its tangential force may be off "
-            f"by up to {all_over:.2g} of the load, as these pass; {ROUND}, finer cells on what is round, or more steps",
+            f"by up to {all_over:.2g} of the load{_of_friction(contact, state, all_over)}, as these pass; "
+            f"{ROUND}, finer cells on what is round, or more steps",
         )
     return None
+
+
+def _of_friction(contact: Contact, state: State, lean: float) -> str:
+    """A share of the load, as one of the friction of all points, summed by size: what is led along may feel no more.
+    Collective."""
+    rubs, load = state.comm.allreduce(np.array([contact.forces.grip(state)[0], contact.led.lean(state)[9]]))
+    return f", {lean * load / rubs:.2g} of the friction" if rubs > 0.0 else ""
 
 
 def _moves(contact: Contact, state: State) -> tuple[int, int]:

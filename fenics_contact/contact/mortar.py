@@ -13,6 +13,7 @@ from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.node_places import NodePlaces, ends_at
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
+from fenics_contact.contact.own_ways import add_rubbing, more_friction
 from fenics_contact.contact.partner import weighed
 from fenics_contact.contact.samples import Samples
 from fenics_contact.contact.unit import unit
@@ -86,6 +87,8 @@ class MortarPartner(OnFacets):
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
         forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 13)), self.surface.area
         kernel.add_node_forces(self._pairs(feet, trial), (N, T, self.places.around.number), forces, sums)
+        if len(trial.rubs):
+            add_rubbing(feet, self.places.facets[0], trial.rubs, forces)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
         traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:7] / area)[:, None])
@@ -181,6 +184,10 @@ class MortarPartner(OnFacets):
     def ahead(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
         """Not looked for: `foreseen` tells what has turned, and no increment is shortened."""
         return np.empty((0, 2))
+
+    def more_friction(self, feet: MortarFeet, trial: Trial) -> tuple[Floats, Floats]:
+        """See `own_ways.more_friction`."""
+        return more_friction(self._laws, self.places.around.number, feet, trial)
 
     def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
         """Sums over this rank's samples of what acts aside, a vector of nodes in facets at the slave's ends and creases and

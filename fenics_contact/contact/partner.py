@@ -157,6 +157,8 @@ class Partner(ContactPartner, Protocol):
 
     def lean(self, feet: Any, trial: Trial) -> Floats: ...
 
+    def more_friction(self, feet: Any, trial: Trial) -> tuple[Floats, Floats]: ...
+
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
 
 
@@ -255,3 +257,7 @@ class PointPressures:
     def lean(self, feet: Any, trial: Trial) -> Floats:
         """Nothing: it is asked of averages alone."""
         return np.zeros(14)
+
+    def more_friction(self, feet: Any, trial: Trial) -> tuple[Floats, Floats]:
+        """Nothing: each rubs by its own way."""
+        return np.empty((0, 3)), np.zeros(trial.area.size)

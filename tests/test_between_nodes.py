@@ -1,0 +1,88 @@
+"""Friction of averages is linear between nodes: what it loses where a body slides this way and that is told."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, solve
+from fenics_contact.contact.own_ways import add_rubbing
+from fenics_contact.meshes import rectangles
+
+pytestmark = pytest.mark.parallel
+SAID = "friction is linear from node to node"
+
+
+def packer(cells, steps=4, way=0.0, half=False):
+    """A rubber sleeve, its bore held, that swells into a longer rough casing, which is then led along by a way, if any."""
+    low, high = (0.0 if half else -4.0), 4.0
+    drawn = {
+        "rubber": ((6.0, low), (3.7, high - low), (3 * cells, int(high - low) // 2 * cells)),
+        "casing": ((9.8, 1.5 * low), (2.2, 1.5 * (high - low)), (2 * cells, int(1.5 * (high - low)) // 2 * cells)),
+    }
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    bodies = Body(mesh, "rubber", neo_hooke(1.0, 50.0)), Body(mesh, "casing", neo_hooke(5.0, 200.0))
+    scene = Scene(*bodies, plane="axisymmetric", degree=2, element="mixed")
+    scene.fix("rubber_xmin")
+    scene.fix("casing_xmax", "x")
+    scene.fix("casing_xmax", "y")
+    if half:
+        for name in ("rubber_ymin", "casing_ymin"):
+            scene.fix(name, "y")
+    scene.swell("rubber", 1.25)
+    scene.contact("rubber_xmax", "casing_xmin", friction=0.3, name="c")
+    stages = [Stage("swell", steps=steps)]
+    stages += [Stage("pull", prescribe={("casing_xmax", "y"): way}, steps=steps)] if way else []
+    return solve(scene, stages=stages).require()
+
+
+@functools.cache
+def swollen(cells, **how):
+    """(load, its change that is said, notes) of a packer."""
+    result = packer(cells, **how)
+    notes = [note for note in result.verdict.notes if SAID in note]
+    return result.column("c_load_N")[-1], result.summary["friction_error"]["c"]["load_change_over_load"], notes
+
+
+@pytest.mark.parametrize("steps", [4, 16])
+def test_friction_that_turns_round_between_nodes_is_told(steps):
+    """It slides out both ways from the middle node, on which no friction acts, nor all of it within a cell beside that."""
+    (load, said, (note,)), (finer, less, none) = swollen(1, steps=steps), swollen(2)
+    lost = finer / load - 1.0
+    assert 0.03 < lost < said < 1.5 * lost  # 0.036 with cells half as wide, 0.038 and 0.048 are said
+    assert f"the load would change by about {said:+.1%}" in note
+    assert 0.0 < less < 0.3 * said and not none
+
+
+def test_half_of_it_is_told_the_same():
+    (load, said, _), (half, of_half, (note,)) = swollen(1), swollen(1, half=True)
+    np.testing.assert_allclose([2.0 * half, of_half], [load, said], rtol=1e-4)
+    assert "around (9.7, 0, 0)" in note
+
+
+def test_friction_of_one_way_has_nothing_between_nodes():
+    """Pulled, all of it slides along; what was lost as it swelled is told of that stage."""
+    result = packer(1, way=2.0)
+    assert result.summary["friction_error"] == {}
+    (note,) = (note for note in result.verdict.notes if SAID in note)
+    assert note.startswith("stage 'swell'")
+    (leans,) = (note for note in result.verdict.notes if "lean" in note)
+    of_load, of_friction = (float(leans.split(words)[0].split()[-1]) for words in (" of the load", " of the friction"))
+    np.testing.assert_allclose(of_friction, of_load / 0.3, rtol=0.1)  # all of it slides
+
+
+def test_what_rubs_more_acts_on_both_bodies():
+    """By the friction's law: no more than its limit, outward from the middle, and as much on the casing as on the rubber."""
+    result = packer(1)
+    (contact,), state, comm = result.system.contacts, result.system.state, result.system.comm
+    more, sizes = contact.findings.between_nodes(state)
+    feet = contact.places.feet(state)
+    forces = np.zeros_like(feet.coords)
+    add_rubbing(feet, contact.places.facets[0], more, forces)
+    first = contact.places.first
+    rubber, casing = comm.allreduce(np.array([forces[:first].sum(axis=0), forces[first:].sum(axis=0)]))
+    np.testing.assert_allclose(rubber + casing, 0.0, atol=1e-9)
+    total, limit, outward = comm.allreduce(
+        np.array([sizes.sum(), contact.forces.grip(state)[1], (more[:, 1] * np.sign(feet.points[:, 1])).sum()])
+    )
+    assert 0.9 * total < outward <= total < limit
