@@ -15,7 +15,7 @@ from fenics_contact.types import Floats
 LITTLE = 1e-3  # of a contact's friction, at its limit: less of it between nodes moves nothing that is told of
 
 
-class Between(NamedTuple):
+class BetweenNodes(NamedTuple):
     """By contact, what places between nodes rub with more (np, 3), and the reference position [length] around which that is
     most."""
 
@@ -23,9 +23,9 @@ class Between(NamedTuple):
     place: dict[str, list[float]]
 
 
-def between_nodes(system: System) -> Between | None:
+def between_nodes(system: System) -> BetweenNodes | None:
     """None where all there is between nodes rubs as they do, but for what no force feels. Collective."""
-    found, some = Between({}, {}), False
+    found, some = BetweenNodes({}, {}), False
     for term in system.contacts:
         more, sizes = term.findings.between_nodes(system.state)
         first = foremost(system.comm, sizes, term.spots())
@@ -36,7 +36,7 @@ def between_nodes(system: System) -> Between | None:
     return found if some else None
 
 
-def by_own_ways(system: System, found: Between) -> Vary:
+def by_own_ways(system: System, found: BetweenNodes) -> Vary:
     """Places between nodes rub by s times what they would more."""
 
     def vary(term: ContactTerm, s: float) -> Trial:
@@ -45,8 +45,8 @@ def by_own_ways(system: System, found: Between) -> Vary:
     return vary
 
 
-def friction_error(system: System, between: Between, found: Sensitivity) -> dict[str, tuple[float, list[float]]]:
-    """{contact: (change of its load over that, to first order, and the place as of Between)}; of contacts without load or
+def friction_error(system: System, between: BetweenNodes, found: Sensitivity) -> dict[str, tuple[float, list[float]]]:
+    """{contact: (change of its load over that, to first order, and the place as of BetweenNodes)}; of contacts without load or
     friction nothing. Collective."""
     out, least = {}, least_load(system)
     for term in system.contacts:
