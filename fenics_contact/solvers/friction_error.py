@@ -46,8 +46,8 @@ def by_own_ways(system: System, found: BetweenNodes) -> Vary:
 
 
 def friction_error(system: System, between: BetweenNodes, found: Sensitivity) -> dict[str, tuple[float, list[float]]]:
-    """{contact: (change of its load over that, to first order, and the place as of BetweenNodes)}; of contacts without load or
-    friction nothing. Collective."""
+    """{contact: (change of its load over that, to first order, and the place as of BetweenNodes)}; of contacts without
+    load or friction nothing. Collective."""
     out, least = {}, least_load(system)
     for term in system.contacts:
         change = found.contacts[term.name]
