@@ -53,29 +53,31 @@ class Plane:
 
 def planes_of(scene: "Scene", supports: Supports) -> list[Plane]:
     """The planes of symmetry that a scene's supports, which no stage moves, make. Collective."""
+    # the scene's own entries come first
+    led = {s.name for s, entry in zip(scene.supports, supports.entries.all, strict=False) if entry.value.led()}
     return [
         Plane("+".join(s.group), s.axis, place, inward, nodes)
-        for s, place, inward, nodes in _flat_ends(scene, supports)
-        if s.axis is not None
+        for s, place, inward, nodes in _flat_ends(scene)
+        if s.axis is not None and s.name not in led
     ]
 
 
-def _flat_ends(scene: "Scene", supports: Supports) -> list[tuple[Support, float, int, Ints]]:
-    """Supports that hold a flat end of the bodies along its normal alone, at rest in all stages, as they stand in the scene,
-    where along that it is, on which side the bodies are, and its local nodes. Collective."""
+def _flat_ends(scene: "Scene") -> list[tuple[Support, float, int, Ints]]:
+    """Supports that hold a flat end of the bodies along its normal alone, as they stand in the scene, where along that it
+    is, on which side the bodies are, and its local nodes. Collective."""
     held: dict[tuple[str, ...], set[tuple[float, ...]]] = {}
     for support in scene.supports:
         held.setdefault(support.group, set()).add(support.direction)
     X, comm, found = scene.space.tabulate_dof_coordinates(), scene.mesh.comm, []
     near = FLAT * bodies_size(scene.space)
-    for s, entry in zip(scene.supports, supports.entries.all, strict=False):  # the scene's own come first
+    for s in scene.supports:
         zero = isinstance(s.value, float) and s.value == 0.0
         if not zero or len(held[s.group]) > 1 or not set(s.group) <= set(scene.mesh.surfaces):
             continue
         nodes, along = compat.locate_blocks(scene.space, scene.mesh.facets(*s.group)), X @ np.array(s.direction)
         ((least,), (most,)), ((low,), (high,)) = (extremes(comm, part[:, None]) for part in (along[nodes], along))
         ends = [inward for inward, end in ((1, low), (-1, high)) if abs(least - end) < near]
-        if most - least < near and ends and not entry.value.led():
+        if most - least < near and ends:
             found.append((s, float(least), ends[0], nodes))
     return found
 
@@ -111,7 +113,7 @@ class Halves:
         self._near, self._planes = FLAT * bodies_size(scene.space), list[_Held]()
         section, comm = scene.section, scene.mesh.comm
         turned, blocks = section is not None and section.axisymmetric, compat.global_blocks(scene.space)
-        for s, place, inward, nodes in _flat_ends(scene, supports):
+        for s, place, inward, nodes in _flat_ends(scene):
             if turned and s.direction != (0.0, 1.0, 0.0):  # else it is a cylinder, or a cone
                 continue
             self._join(float(inward) * np.array(s.direction), inward * place, np.concatenate(comm.allgather(blocks[nodes])))
