@@ -183,25 +183,27 @@ class _Part:
         return np.full((len(nodes), len(self._cell.weights)), 1.0 if self._swells is None else float(self._swells.value))
 
     def energy(self, u: Floats) -> float:
-        """Of this rank's cells, as of a law that its moduli at rest tell all of."""
-        (mu, bulk), whole = self._moduli, 0.0
-        for _, strained in self._strained(u, 1):
-            J = np.linalg.det(strained.F)
-            dilatation = strained.mean(J)[:, None] if self.mixed else J
-            shear = np.cbrt(J) ** -2 * (strained.F**2).sum(axis=(2, 3)) - 3.0
-            whole += float((strained.volume * (0.5 * mu * shear + 0.5 * bulk * (dilatation - 1.0) ** 2)).sum())
-        return whole
+        """Of this rank's cells."""
+        return sum(self._energy(strained) for _, strained in self._strained(u, 1))
+
+    def _energy(self, strained: _Strained) -> float:
+        """As of a law that its moduli at rest tell all of."""
+        (mu, bulk), J = self._moduli, np.linalg.det(strained.F)
+        dilatation = strained.mean(J)[:, None] if self.mixed else J
+        shear = np.cbrt(J) ** -2 * (strained.F**2).sum(axis=(2, 3)) - 3.0
+        return float((strained.volume * (0.5 * mu * shear + 0.5 * bulk * (dilatation - 1.0) ** 2)).sum())
 
     def off(self, u: Floats) -> _Off:
         """Of this rank's cells."""
-        much, varying, most, at = 0.0, 0.0, -1.0, np.zeros(3)
+        much, varying, whole, most, at = 0.0, 0.0, 0.0, -1.0, np.zeros(3)
         for nodes, strained in self._strained(u, 1):
             now, off = self._too_much(strained)
             off = 0.5 * off[:, 0, 0]
             much, varying = much + float(off.sum()), varying + float(now.sum())
+            whole += self._energy(strained)
             if np.abs(off).max() > most:
                 most, at = float(np.abs(off).max()), self._X[nodes[np.abs(off).argmax()]].mean(axis=0)
-        return _Off(much, varying, self.energy(u), most, at)
+        return _Off(much, varying, whole, most, at)
 
     def softer(self, u: Floats, force: Floats) -> Iterator[Blocks]:
         """What the tangent falls by; adds to a local array the force that comes with it."""

@@ -7,12 +7,10 @@ from itertools import chain
 import numpy as np
 
 from fenics_contact.assembly.blocks import Blocks
-from fenics_contact.assembly.exchange import sum_to_owners
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.assembly.trial import Trials
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
-from fenics_contact.solvers.penalty_error import stiffer
 from fenics_contact.solvers.sensitivity import local
 from fenics_contact.types import Floats, Vec
 
@@ -32,7 +30,7 @@ def gives(system: System, linear: LinearSolver, u: Floats, softer: Iterable[Bloc
     with system.foresight.as_accepted(), system.grounding.faint() if system.grounding else nullcontext():
         try:
             if here:
-                trials: Trials = {term: stiffer(system)(term, 0.0) for term in system.contacts}
+                trials: Trials = {term: term.penalties.stiffened(state, 1.0) for term in system.contacts}
                 system.assemble_residual(trials=trials)
                 system.assemble_tangent(trials=trials, more=softer)
             else:
@@ -51,27 +49,18 @@ def gives(system: System, linear: LinearSolver, u: Floats, softer: Iterable[Bloc
 
 def _led(system: System, force: Floats) -> tuple[Vec, Floats]:
     """What the residual and the tools' one grow by with forces (local) on the nodes. Collective."""
-    wrenches, residual, supports = np.zeros_like(system.tool_residual), _summed(system, force), system.supports
+    wrenches, residual, supports = np.zeros_like(system.tool_residual), system.border_vector(force), system.supports
     with residual.localForm() as ghosted:
         supports.ties.add_wrenches(system.state.poses, system.state.q, ghosted.array_r, wrenches)
         supports.put_forces(ghosted.array_w, 0.0)
     return residual, system.comm.allreduce(wrenches)
 
 
-def _summed(system: System, forces: Floats) -> Vec:
-    """Of all processes. Collective."""
-    vector = system.new_vector()
-    with vector.localForm() as ghosted:
-        ghosted.array_w[:] = forces
-    sum_to_owners(vector)
-    return vector
-
-
 def _holding(system: System) -> Iterable[Blocks]:
     """Stiffness that holds the tools, and the nodes on which the solid is out of balance."""
     forces, wrenches = np.zeros_like(system.state.u.x.array), np.zeros_like(system.tool_residual)
     system.terms[0].add_residual(system.state, forces, wrenches)
-    sizes = np.linalg.norm(_summed(system, forces).array_r.reshape(-1, 3), axis=1)
+    sizes = np.linalg.norm(system.border_vector(forces).array_r.reshape(-1, 3), axis=1)
     nodes, stiffness = np.flatnonzero(sizes > ALLOWED * system.scales.largest), HELD * system.scales.stiffness
     blocks = np.broadcast_to(stiffness * np.eye(3), (len(nodes), 3, 3))
     free = np.full(wrenches.size, stiffness) if wrenches.size and system.comm.rank == 0 else None
