@@ -9,6 +9,7 @@ from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.holding import sliding
 from fenics_contact.solvers.newton import strays
+from fenics_contact.solvers.penalty_error import least_load
 from fenics_contact.solvers.report import Corrected, Stepper, StepReport
 from fenics_contact.solvers.verdict import NO_HELP, SPRUNG, StepFailed
 
@@ -37,7 +38,7 @@ class Following(Corrected[float, StepReport]):
 
     def _corrected(self, system: System, t: float, solve: Callable[[System, float], StepReport]) -> StepReport:
         report, springs = solve(system, t), _springs(system)
-        while springs.engaged and (pull := springs.pull(system.state, _allowed(system))) > 1.0:
+        while springs.engaged and (pull := springs.pull(system.state, least_load(system))) > 1.0:
             if report.augmentations + springs.ahead(system.state) >= LONGEST:
                 text = f"the springs of the stabilisation still pull {pull * ALLOWED:.2g} of the largest force"
                 # a load on what contact alone holds, and more of it than friction can take
@@ -112,11 +113,6 @@ class Held:
     def settle(self, system: System, t: float) -> StepReport:
         """Into balance at t from the present state, after multipliers or penalties have changed."""
         return self.stepper.settle(system, t)
-
-
-def _allowed(system: System) -> float:
-    """Pull [force] that springs may have left: a share of the largest force, or round-off."""
-    return max(ALLOWED * system.scales.largest, system.scales.noise)
 
 
 def _springs(system: System) -> Grounding:

@@ -4,9 +4,9 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.assembly.finding import spot
-from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
+from fenics_contact.solvers.penalty_error import least_load
 from fenics_contact.solvers.softness import rolled_back
 
 KEPT = 1e-6  # of the greatest strain energy of a run: less is what balance leaves
@@ -22,7 +22,7 @@ def strained(system: System, energy: float, most: float) -> str | None:
     """
     if not energy > max(KEPT * most, system.scales.noise_energy):
         return None
-    least = max(ALLOWED * system.scales.largest, system.scales.noise)
+    least = least_load(system)
     if any(one.partner.grounded and one.forces.holding(system.state, least) for one in system.contacts):
         return None
     u = system.state.u.x.array
