@@ -154,6 +154,12 @@ def wrong_imports(room, source, table=TABLE):
     return wrong
 
 
+def private_imports(source):
+    """What a source text takes from another module of the package though its name says that it is that one's own."""
+    names = [name.split(".") for _, name in names_imported(ast.parse(source))]
+    return [".".join(n) for n in names if n[0] == "fenics_contact" and n[-1].startswith("_") and not n[-1].endswith("__")]
+
+
 def local_imports(source):
     return [n.lineno for f in functions(source) for n in ast.walk(f) if isinstance(n, ast.Import | ast.ImportFrom)]
 
@@ -247,6 +253,7 @@ def test_module(path):
     source, room = path.read_text(), room_of(path)
     assert room in TABLE, f"{room} is a new room: say in the table of this test what it may know"
     assert not wrong_imports(room, source)
+    assert not private_imports(source), "what modules share has a public name"
     assert not local_imports(source), "import at the top: an import inside a function hides a dependency"
     if room == "kernels":
         assert not made_in_loops(source), "what a loop works in is made before it"
@@ -334,6 +341,7 @@ def test_rooms_do_not_know_each_other_in_circles():
         (made_in_loops, "for i in range(n):\n    a = np.zeros(3)"),
         (made_in_loops, "while True:\n    if n > 0:\n        a = b.copy()"),
         (local_imports, "def f():\n    import os"),
+        (private_imports, "from fenics_contact.solvers.newton import _forcing"),
         (prints, "def f():\n    print(1)"),
         (untyped, "def f(a, b: int) -> None: ..."),
         (large_classes, "class A:\n" + "".join(f"    def f{i}(self): ...\n" for i in range(21))),

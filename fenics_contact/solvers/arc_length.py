@@ -16,17 +16,17 @@ import numpy as np
 from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.linear import LinearSolver, Side
-from fenics_contact.solvers.newton import (
+from fenics_contact.solvers.out_of_balance import (
     HELD,
-    SHORTEST,
-    _finite_residual,
-    _forcing,
     balanced,
+    finite_residual,
+    forcing,
     relative_residual,
     upright,
 )
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.reuse import TIGHTEST
+from fenics_contact.solvers.shortening import SHORTEST
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Vec
 
@@ -177,7 +177,7 @@ class ArcLength:
             if foreseen or anew:
                 system.assemble_residual()
             late = report.iterations > BEYOND
-            made = _advance(system, self._correction(system, side, arc, _forcing(size, self.tolerance), late))
+            made = _advance(system, self._correction(system, side, arc, forcing(size, self.tolerance), late))
             foresight.release()
             before = _shorten(system, made, FINITE if foresight.settles else before)
 
@@ -254,10 +254,10 @@ def _shorten(system: System, made: Increment, before: float) -> float:
 
     The next correction leads back onto the arc. Returns the share of the force left.
     """
-    share, size = 1.0, _finite_residual(system)
+    share, size = 1.0, finite_residual(system)
     while size > before and share > SHORTEST:
         half = _advance(system, made.times(-0.5), 0.5 * share)
-        shorter = _finite_residual(system)
+        shorter = finite_residual(system)
         if shorter >= size:
             _advance(system, half.times(-1.0), share)
             break

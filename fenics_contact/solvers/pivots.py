@@ -3,7 +3,7 @@
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.control import OnStep
 from fenics_contact.solvers.linear import LinearFailure, LinearSolver
-from fenics_contact.solvers.newton import LOOSEST
+from fenics_contact.solvers.out_of_balance import LOOSEST
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.softness import rolling, unresisted
 from fenics_contact.solvers.verdict import Verdict

@@ -9,7 +9,7 @@ from fenics_contact.assembly.scales import TOLERANCE
 from fenics_contact.assembly.system import System
 from fenics_contact.solvers.gripping import first_solve
 from fenics_contact.solvers.linear import LinearSolver
-from fenics_contact.solvers.newton import relative_residual
+from fenics_contact.solvers.out_of_balance import relative_residual
 from fenics_contact.solvers.report import StepReport
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats, Mat, Vec

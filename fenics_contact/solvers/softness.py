@@ -16,7 +16,7 @@ from fenics_contact.solvers.gripping import GRIP
 from fenics_contact.solvers.increment import solve_once
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.motions import Drift, resistance, rigid_motions, softest
-from fenics_contact.solvers.newton import relative_residual
+from fenics_contact.solvers.out_of_balance import relative_residual
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Bools, Floats, Vec
 

@@ -5,14 +5,16 @@ from typing import Any
 from fenics_contact.assembly.system import System
 from fenics_contact.options import Method
 from fenics_contact.plans import STEPPERS
-from fenics_contact.solvers.newton import Newton, upright
-from fenics_contact.types import Floats, Vec
+from fenics_contact.solvers.linear import Solution
+from fenics_contact.solvers.newton import Newton
+from fenics_contact.solvers.out_of_balance import upright
 
 
 class FullSteps(Newton):
     """Newton's method without a line search."""
 
-    def _shorten(self, system: System, du: Vec, dq: Floats, before: float, size: float, strict: bool) -> float:
+    @staticmethod
+    def shorten(system: System, increment: Solution, before: float, size: float, strict: bool) -> float:
         return upright(size)
 
 
