@@ -18,7 +18,9 @@ from fenics_contact import (
     solve,
 )
 from fenics_contact.assembly.grounding import SHARE
+from fenics_contact.assembly.term import FormTerm
 from fenics_contact.meshes import box, rectangles, ring, two_blocks
+from fenics_contact.scene.build import build
 from fenics_contact.solvers.held import LONGEST, Following, Held
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.newton import Newton
@@ -293,3 +295,19 @@ def test_what_is_drawn_in_contact_touches_and_does_not_pull(points):
     pull = contact.trial.law.eps_n.max(initial=0.0) * far  # what the gap would do
     assert (drawn.status != 0).all() and np.abs(drawn.traction).max(initial=0.0) <= 1e-12 * pull
     assert (opened.status == 0).all() and not opened.traction.any()
+
+
+def test_springs_are_faint_while_the_accepted_state_is_looked_at():
+    result = solve(block(0.1, 0.3), steps=2, method=Method(stabilise=True))
+    system, share = result.system, result.system.grounding.share
+    with system.as_accepted():
+        assert system.grounding.share < 1e-3 * share
+    assert system.grounding.share == share
+
+
+def test_the_energy_at_rest_is_taken_once(monkeypatch):
+    """By the system, with what it says of which the springs compare theirs."""
+    own, asked = FormTerm.strain_energy, []
+    monkeypatch.setattr(FormTerm, "strain_energy", lambda term: asked.append(term.name) or own(term))
+    built = build(block(0.1, 0.3), stabilise=True)
+    assert built.system.grounding is not None and asked == ["solid"]

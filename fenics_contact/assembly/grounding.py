@@ -11,7 +11,7 @@ from fenics_contact.assembly.finding import RIGID_MOTION, Finding
 from fenics_contact.assembly.holds import ALLOWED
 from fenics_contact.assembly.size import bodies_size
 from fenics_contact.assembly.spring_term import Springs, SpringTerm
-from fenics_contact.assembly.term import Findings, FormTerm, State
+from fenics_contact.assembly.term import Findings, State
 from fenics_contact.types import Array, Bools
 
 SHARE = 1e-2  # stiffness of the springs over E V / L^2 of a body of volume V and size L: a hundredth of its own
@@ -27,8 +27,9 @@ class Grounding(SpringTerm):
     Within a load step u_0 follows u, solve by solve, until the springs pull less than ALLOWED of the largest force
     (proximal point iteration, Rockafellar 1976, doi:10.1137/0314056): what balances then is the scene without them. It
     may do so with any stiffness: springs that pull as before become softer, those too soft for Newton's method stiffer.
-    always: asked for by the user, in every step; else in those alone for which they are engaged; among: the solid at rest,
-    with whose energy theirs is compared, and the contacts; state: the first one, as accepted.
+    always: asked for by the user, in every step; else in those alone for which they are engaged; among: what gives the
+    strain energy over that at rest [force length], with which theirs is compared, and the contacts; state: the first one, as
+    accepted.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class Grounding(SpringTerm):
         springs: Springs,
         free: Callable[[], Bools],
         always: bool,
-        among: tuple[FormTerm, Sequence[ContactTerm]],
+        among: tuple[Callable[[], float], Sequence[ContactTerm]],
         state: State,
     ) -> None:
         super().__init__("stabilisation", *springs, free)
@@ -46,14 +47,10 @@ class Grounding(SpringTerm):
         self.always, self.findings = always, Carrying(self)
         # accepted steps with springs in, and the largest of all they held then [force length]
         self.most = {"steps": 0.0, "energy": 0.0, "energy_share": 0.0}
-        self._solid, self._contacts = among
-        self._at_rest = self._strain_energy(state)  # it may be stated with a constant of its own
+        self._strain_energy, self._contacts = among
         self._far = FAR * bodies_size(state.u.function_space)
         self._accept(state)
         self.engage(always)
-
-    def _strain_energy(self, state: State) -> float:
-        return float(state.comm.allreduce(self._solid.strain_energy()))
 
     def _accept(self, state: State) -> None:
         self._last = state.u.x.array.copy(), state.q.copy()
@@ -129,7 +126,7 @@ class Grounding(SpringTerm):
         self._accept(state)
         if not self._engaged:
             return
-        energy, elastic = 0.5 * self.spent(state)[1], self._strain_energy(state) - self._at_rest
+        energy, elastic = 0.5 * self.spent(state)[1], self._strain_energy()
         share = energy / elastic if elastic > 0.0 else 0.0
         energy, share = max(energy, self.most["energy"]), max(share, self.most["energy_share"])
         self.most = {"steps": self.most["steps"] + 1.0, "energy": energy, "energy_share": share}

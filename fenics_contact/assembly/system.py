@@ -1,6 +1,7 @@
 """The nonlinear system R(u, q, t) = 0 as a sum of terms, its tangent with the tools' border, and its supports."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 
 import numpy as np
 from mpi4py import MPI
@@ -192,6 +193,13 @@ class System:
         stated = self.tools.forces(self.state.t)
         forces = np.where(self.tools.free, stated, self.tool_residual + stated)
         return End(self.state.t, self.state.q.copy(), forces)
+
+    @contextmanager
+    def as_accepted(self) -> Iterator[None]:
+        """Contacts see meanwhile what they saw when the last state was accepted, and springs are faint: how bodies give way
+        there by themselves is asked."""
+        with self.foresight.as_accepted(), self.grounding.faint() if self.grounding else nullcontext():
+            yield
 
     def length(self, du: Vec, dq: Floats) -> float:
         """Of a motion: root of the mean square over the nodes, tools on top [length]. Collective."""

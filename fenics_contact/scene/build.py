@@ -1,6 +1,6 @@
 """From a scene's statements to the System that steppers solve: checked, complete when it is returned."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -156,7 +156,7 @@ def build(
             fluid.set_time(t)
         fields.set(t)
 
-    held = _held(scene, state, motion, (stabilise, damping), solid, holds)
+    held = _held(scene, state, motion, (stabilise, damping), lambda: system.strain_energy(), holds)
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
     system = System(state, (solid, *others), holds, (motion, set_loads), check, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
@@ -296,7 +296,7 @@ def _modulus_by_cell(scene: "Scene") -> Floats:
 
 
 def _held(
-    scene: "Scene", state: State, motion: ToolMotion, asked: tuple[bool, bool], solid: FormTerm, holds: Holds
+    scene: "Scene", state: State, motion: ToolMotion, asked: tuple[bool, bool], strain: Callable[[], float], holds: Holds
 ) -> list[SpringTerm]:
     """Springs and viscous forces on all bodies, and on free tools where the user asked for them, with stabilise= and with
     damping=; springs may be needed at bodies that contacts alone hold, as damping may be where contacts have friction."""
@@ -304,7 +304,7 @@ def _held(
     stated = partial(springs, scene.space, scene.bodies, scene.groups.dx, state.u)
     if stabilise or (holds.reliant and holds.contacts):
         free = (lambda: motion.free) if stabilise else (lambda: np.zeros_like(motion.free))
-        found.append(Grounding(stated(), free, stabilise, (solid, holds.contacts), state))
+        found.append(Grounding(stated(), free, stabilise, (strain, holds.contacts), state))
     if damping or any(contact.friction.mu > 0.0 for contact in scene.contacts):
         found.append(Damping(stated(), lambda: motion.free, damping))
     return found

@@ -1,7 +1,6 @@
 """How bodies give way where their cells are less stiff than the tangent: one solve in a state that has been accepted."""
 
 from collections.abc import Iterable
-from contextlib import nullcontext
 from itertools import chain
 
 import numpy as np
@@ -27,7 +26,7 @@ def gives(system: System, linear: LinearSolver, u: Floats, softer: Iterable[Bloc
     """
     state, own = system.state, system.state.u.x.array.copy()
     here = all(system.comm.allgather(bool(np.array_equal(u, own))))
-    with system.foresight.as_accepted(), system.grounding.faint() if system.grounding else nullcontext():
+    with system.as_accepted():
         try:
             if here:
                 trials: Trials = {term: term.penalties.stiffened(state, 1.0) for term in system.contacts}

@@ -1,7 +1,6 @@
 """How forces and pressures of contacts change with what these are evaluated with: first derivatives in an accepted state."""
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +56,7 @@ def sensitivities(
     """
     if not system.contacts:
         return None
-    with system.foresight.as_accepted(), system.grounding.faint() if system.grounding else nullcontext():
+    with system.as_accepted():
         if (rates := _rates(system, linear, varied, tolerance)) is None:
             return None
         found = [_along(system, vary, rate, pressures) for vary, rate in zip(varied, rates, strict=True)]
