@@ -29,40 +29,39 @@ class Places(ContactPlaces, Protocol):
     @property
     def sights(self) -> Sights | None:
         """Which facets look towards the samples of averages, where it has such."""
-        ...
 
-    def first_feet(self, state: State) -> Any: ...
-
-    def normals(self, feet: Any) -> Floats: ...
+    def normals(self, feet: Any) -> Floats:
+        """Unit normals (ne, nq, 3) along which pressure acts on this rank's points; zero without a partner."""
 
     def bare(self, feet: Any, far: bool = False) -> Floats:
         """Shares of the points' areas that do not lie over the master; far: however far away it is."""
-        ...
 
-    def features(self, feet: Any) -> Array: ...
+    def features(self, feet: Any) -> Array:
+        """Codes (n, ...): where one changes the traction has a kink."""
 
-    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats: ...
+    def node_gaps(self, state: State, nodes: Array, X: Floats) -> Floats:
+        """Gaps (n,) of local slave nodes at reference positions X (n, 3), endless where there are none [length].
+        Collective."""
 
     def entered(self, state: State, nearly: float = 1.0, normals: Floats | None = None) -> Entered | None:
         """The slave's facets that the master has entered between their points, nearly: see `entered`; normals (n, 3): of the
         body at its nodes, in the place of those of facets. None where that is not looked for."""
-        ...
 
     @property
     def crossing(self) -> Crossing | None: ...
 
     def crossed(self, state: State) -> Crossed | None:
         """Nodes of either surface behind the other's facets; None where the master has none. Collective."""
-        ...
 
-    def beside(self, state: State) -> Beside | None: ...
+    def beside(self, state: State) -> Beside | None:
+        """The nodes off the slave surface that may meet a tool; None where they are not looked for. Collective."""
 
-    def lost_depth(self, state: State, trial: Trial) -> float: ...
+    def lost_depth(self, state: State, trial: Trial) -> float:
+        """Depth [length] of the deepest point, or sample, too deep in the master to have a partner, or zero. Collective."""
 
     def passed(self, state: State, trial: Trial) -> tuple[Floats, Floats] | None:
         """How deep (n,) places of the slave have been led through the master and out of it behind them, and their reference
         positions (n, 3) [length]; None where points without a partner tell of that."""
-        ...
 
 
 class Anchoring(Protocol):
@@ -70,36 +69,40 @@ class Anchoring(Protocol):
 
     def none(self) -> Anchors: ...
 
-    def here(self, feet: Any, trial: Trial) -> Anchors: ...
+    def here(self, feet: Any, trial: Trial) -> Anchors:
+        """The points' places on the master."""
 
-    def resting(self, feet: Any, trial: Trial) -> Anchors: ...
+    def resting(self, feet: Any, trial: Trial) -> Anchors:
+        """Where points that came to rest here slip from."""
 
-    def committed(self, feet: Any, trial: Trial) -> tuple[Anchors, Floats]: ...
+    def committed(self, feet: Any, trial: Trial) -> tuple[Anchors, Floats]:
+        """The anchors to keep when a step is accepted, and the ways in it (ne, nq) of points that do not stick [length]."""
 
     def slips(self, feet: Any, trial: Trial, status: Ints) -> Floats:
         """What is wrong (ne, nq) in the ways of points since they came to rest: what the penalty gave way in stick, and in
         slip what is not along the friction; 0 for others [length]."""
-        ...
 
     def slid(self, feet: Any, trial: Trial, status: Ints) -> tuple[Floats, Floats]:
         """How far points that slip (ne, nq) have come from where they rested last, 0 for others, and the way on which their
         friction has worked: with the multipliers that it has now it turns into the way's direction as it slips. Points that
         have opened worked until then: all of their way, on which their friction falls to none [length]."""
-        ...
 
     def augmented(self, feet: Any, trial: Trial, status: Ints, share: float) -> Anchors:
         """Uzawa's update of friction by a share: anchors under which the multiplier of a point that sticks or slips is the
         friction that it has now, within its limit. Friction then grows by eps_T times the slip once more: where points went
         as their old friction pushed them it falls below its limit, and they stick."""
-        ...
 
-    def stiffened(self, feet: Any, trial: Trial, rests: Anchors, factor: float) -> Anchors: ...
+    def stiffened(self, feet: Any, trial: Trial, rests: Anchors, factor: float) -> Anchors:
+        """Those that penalties greater by a factor need for points that slip on from where they rest as they do."""
 
-    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors: ...
+    def chosen(self, points: Bools, ours: Anchors, others: Anchors) -> Anchors:
+        """Our anchors at some points (ne, nq), the others elsewhere."""
 
-    def packed(self, anchors: Anchors, feet: Any, name: str) -> dict[str, Array]: ...
+    def packed(self, anchors: Anchors, feet: Any, name: str) -> dict[str, Array]:
+        """Arrays (ne, ...) by names that begin with this one, which no partition changes."""
 
-    def unpacked(self, values: dict[str, Array], name: str) -> Anchors: ...
+    def unpacked(self, values: dict[str, Array], name: str) -> Anchors:
+        """The anchors that `packed` gave."""
 
 
 class Partner(ContactPartner, Protocol):
@@ -123,43 +126,50 @@ class Partner(ContactPartner, Protocol):
 
     def resampled(self, trial: Trial, feet: Any) -> Trial:
         """The trial with points chosen anew where the surfaces lie at feet, for the rest of a step. Collective."""
-        ...
 
     def return_to(self, trial: Trial) -> None:
         """To the points of a trial that was the present one before."""
 
     def sites(self, feet: Any) -> dict[str, Array]:
         """Arrays (ne, ...), which no partition changes, that tell where points chosen so are. Collective."""
-        ...
 
     def put_sites(self, values: dict[str, Array], state: State) -> None:
         """Choose the points that `sites` told of."""
 
-    def response(self, feet: Any, trial: Trial) -> Response: ...
+    def response(self, feet: Any, trial: Trial) -> Response:
+        """What the points do at these feet."""
 
     def deciding(self, feet: Any, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
         """What decides in a trial, as `Trial.judged` has it: gaps (ne, nq), shifts added, and that points slip as they did
         under the trial `before`, where limits of friction `wide` (ne, nq) times as great let them stick."""
-        ...
 
-    def add_forces(self, feet: Any, response: Response, residual: Floats, tool_residual: Floats) -> None: ...
+    def add_forces(self, feet: Any, response: Response, residual: Floats, tool_residual: Floats) -> None:
+        """Add area T to local forces on the slave, and its opposite to those on the master, or to tools' wrenches
+        (tools, 6), (14)."""
 
     def on_slave(self, feet: Any, response: Response) -> tuple[Floats, Floats]:
         """Places and forces (n, 3) at the slave's nodes, which all ranks' together are what acts on the slave body, as
         `add_forces` adds it [length, force]."""
-        ...
 
-    def friction(self, feet: Any, trial: Trial) -> Friction: ...
+    def friction(self, feet: Any, trial: Trial) -> Friction:
+        """The law of friction at these feet, with what directions it has there."""
 
-    def tangent(self, feet: Any, trial: Trial) -> Blocks: ...
+    def tangent(self, feet: Any, trial: Trial) -> Blocks:
+        """Blocks of the exact derivative of what `add_forces` adds."""
 
-    def couplings(self, feet: Any, trial: Trial) -> Ints64 | None: ...
+    def couplings(self, feet: Any, trial: Trial) -> Ints64 | None:
+        """See `Term.couplings`."""
 
-    def lean(self, feet: Any, trial: Trial) -> Floats: ...
+    def lean(self, feet: Any, trial: Trial) -> Floats:
+        """Of averages: sums over this rank's samples of what acts aside, of the load and of friction (14,) [force]."""
 
-    def more_friction(self, feet: Any, trial: Trial) -> tuple[Floats, Floats]: ...
+    def more_friction(self, feet: Any, trial: Trial) -> tuple[Floats, Floats]:
+        """What averages would rub with more between nodes, see `own_ways`: forces on the master at samples (m, 3), and sums
+        of their sizes around the points (n,) [force]."""
 
-    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]: ...
+    def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:
+        """Letters of the axes along which the contact can hold a body whose points have these gaps (ne, nq) [length]; rough:
+        with friction. Collective."""
 
 
 def slid_since(then: Any, now: Any, at: Ints64, under: tuple[Ints64, Floats]) -> Floats:
