@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,10 @@ from fenics_contact import (
     rigid_sphere,
     solve,
 )
-from fenics_contact.meshes import box, punch_plate, ring
+from fenics_contact.meshes import box, disc, punch_plate, ring
+from fenics_contact.solvers.control import run
+from fenics_contact.solvers.linear import LinearSolver
+from fenics_contact.solvers.newton import Newton
 
 ROOT = Path(__file__).resolve().parent.parent
 COARSE = {"inside": 4, "outside": 3, "layers": 2, "ratio": 1.0}
@@ -189,3 +193,45 @@ def test_a_step_that_no_part_of_improves_is_taken_whole(bulk):
     scene.tie("inside", hub := rigid_hub("hub"))
     result = solve(scene, move={hub: Motion(ry=0.8)}, steps=4).require()
     assert result.verdict.cuts == 0 and result.column("iterations").max() <= 5
+
+
+def disc_squeezed(steps, degree, way, led):
+    """Verdict, travel and force at the end of a quarter of a disc under a lid that is moved, or against one by the support
+    of its middle, after steps of whose first solve elements are turned inside out."""
+    rubbery = Body(read_gmsh(disc.build, radius=2.0, depth=None), "disc", neo_hooke(2.0, 20.0))
+    scene = Scene(rubbery, degree=degree, plane="strain")
+    scene.fix("symmetry_x", "x")
+    lid = rigid_plane((0, 2.0, 0), normal=(0, -1, 0), name="lid")
+    scene.contact("rim", lid, name="lid")
+    if led:
+        scene.prescribe("symmetry_y", "y", way)
+    else:
+        scene.fix("symmetry_y", "y")
+    record = {"led": lambda view: view.at("symmetry_y").displacement[1]}
+    result = solve(scene, move={} if led else {lid: (0, -way, 0)}, steps=steps, record=record).require()
+    end = result.history[-1]
+    return result.verdict, end["led"] if led else -end["lid_travel_y_mm"], end["lid_force_y_N"]
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("degree, way, led", [(1, 1.2, False), (2, 0.8, True)])
+def test_what_is_left_of_a_step_is_carried_to_its_end(degree, way, led):
+    """An increment that would turn elements inside out is halved; the next one carries the rest, and was shortened, too,
+    where it did not lower the force out of balance: there was balance at three quarters of the way, t = 1."""
+    verdict, travel, force = disc_squeezed(1, degree, way, led)
+    assert verdict.cuts == 0
+    np.testing.assert_allclose(travel, way, rtol=1e-9)
+    np.testing.assert_allclose(force, disc_squeezed(8, degree, way, led)[2], rtol=2e-4)
+
+
+@pytest.mark.parallel
+def test_a_step_that_ends_before_its_supports_do_is_not_accepted():
+    """Of a stepper that leads them nine tenths of the way."""
+    scene = Scene(Body(read_gmsh(box.build, cells=(2, 2, 2)), "box", rubber()))
+    scene.fix("zmin")
+    scene.prescribe("zmax", "z", -0.1)
+    system = scene.system()
+    stepper = Newton(LinearSolver(system))
+    short = SimpleNamespace(step=lambda system, t: (stepper.step(system, 0.9 * t), system.begin_step(t))[0])
+    verdict = run(system, short, [1.0], lambda *_: None)
+    assert not verdict.converged and "have not come all the way" in verdict.reason

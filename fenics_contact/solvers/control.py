@@ -26,6 +26,7 @@ HOPELESS = (MEMORY, TOO_STIFF)  # no smaller step helps
 CORNERED = 4
 UNBALANCED = 0.1  # of the force; the incremental scheme carries into the next step what is left, but this is no state
 BALANCE = 'take more steps, or method="newton"'
+ARRIVED = 1e-9  # of the bodies' size: how far supports and tools may be from their places
 SOONER = 0.1  # of the schedule's shortest step: with damping, where a step so short fails, loads and drives are held
 WIDEST = math.pi / 4 * (1.0 + 1e-9)  # [rad] by which one step may turn a tool
 # Likewise what carries tied nodes, where there is contact: a first solve takes bodies along the tangents of their circles,
@@ -118,6 +119,8 @@ def run(
 def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch, shorter: bool) -> StepReport:
     """The report of a step to a state that may be accepted; StepFailed. shorter: whether it may be."""
     report = stepper.step(system, goal)
+    if not _arrived(system, goal):
+        raise StepFailed("supports or tools have not come all the way to where they are to be")
     if wrong := system.acceptance.objection() or thrown(system) or touch.objection(shorter):
         raise StepFailed.of(wrong)
     if wandered(system, report):
@@ -126,6 +129,13 @@ def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch, s
         _back(system, stepper, goal, (u, q))
         report.notes += [words] if words else []
     return report
+
+
+def _arrived(system: System, goal: float) -> bool:
+    """Whether supports and tools are where they are at t = goal: short of it there is balance, too. Collective."""
+    owed = np.concatenate([part.ravel() for part in system.begin_step(goal)])
+    far = max(system.comm.allgather(float(np.abs(owed).max(initial=0.0))))
+    return far <= ARRIVED * (system.extent + float(np.abs(system.state.q).max(initial=0.0)))
 
 
 def _back(system: System, stepper: Stepper, goal: float, place: tuple[Floats, Floats]) -> None:

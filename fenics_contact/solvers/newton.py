@@ -120,7 +120,8 @@ class Newton:
             report.iterations += 1
             system.foresight.release()
             taken = self._taken(system, increment, before, watch.cycling)
-            before = size = corrections.after(increment, taken.whole, before, taken.size)
+            size = corrections.after(increment, taken.whole, before, taken.size)
+            before = np.inf if taken.left else size  # what is left of the motion is carried whole, as by the first solve
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
             report.residuals.append(size)
