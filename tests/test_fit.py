@@ -199,6 +199,14 @@ def test_a_fit_that_is_none_says_so():
     assert found.edge == ["a1", "a2"] and abs(sum(found.parameters.values())) < 1e-4  # no stiffness at rest
 
 
+def test_parameters_that_tests_do_not_settle_are_named():
+    """Of three, by stresses at two stretches; Treloar's settle them."""
+    with pytest.warns(UserWarning, match="the tests do not settle .*c2, c3, other numbers give the same stresses"):
+        found = fit(yeoh, {"uniaxial": [[1.2, 0.2], [1.5, 0.5]]}, K=1000.0, c1=0.3, c2=0.01, c3=0.001)
+    assert "c3" in found.unsettled
+    assert fit(yeoh, {"uniaxial": TESTS["uniaxial"]}, K=1000.0, c1=0.2, c2=0.0, c3=0.0).unsettled == []
+
+
 def test_lists_of_parameters_come_back_as_lists(tmp_path):
     """Ogden's law: its own stresses, and a start in another unit."""
     true, s = ogden([0.6, -0.05], [1.6, -2.2], K=100.0), np.linspace(1.0, 3.0, 6)

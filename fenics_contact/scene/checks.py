@@ -35,6 +35,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 # bodies lose less than 0.1 %. Nodes behind the slave surface that lie in a tool are held by nothing: see BEHIND.
 REMARKABLE, DEEPEST = 0.05, 0.5
 OVERLAP = 1e-3  # of a cell's height: an overlap from which on it has an energy to speak of; round-off and facets stay below
+INTERFERENCE = "an interference that is wanted comes about by swell() of one of them, or by moving one in"
 LEANING = 1e-9  # part along z of a normal that lies in the plane
 
 
@@ -354,7 +355,7 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
         where = f"contact '{contact.name}': the master '{contact.master_name}' starts {depth:.3g} inside body "
         where += f"{' or '.join(map(repr, within))}, where a cell is {height:.3g} high"
         if at_surface > DEEPEST * height or behind > BEHIND * height:
-            tool, more = statement.master, ""
+            tool, more = statement.master, f"; {INTERFERENCE}" if isinstance(statement.master, tuple) else ""
             if isinstance(tool, RigidTool) and tool.profiled:
                 more = ", or state its points the other way round: a profile is the tool on their right"
             if isinstance(tool, RigidTool) and tool.flat and behind > at_surface:
@@ -369,7 +370,9 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
                 "them out of the slave and the master, or let the other side be the slave"
             )
         if at_surface > REMARKABLE * height:
-            remarks.append(f"{where}: the first step presses it out, and friction misses the way; start it outside")
+            missed = ", and friction misses the way" if contact.rough else ""
+            remedy = f"draw them apart; {INTERFERENCE}" if isinstance(statement.master, tuple) else "start it outside"
+            remarks.append(f"{where}: the first step presses it out{missed}; {remedy}")
         if at_surface > OVERLAP * height:
             overlaps.append(contact.name)
     return remarks, overlaps

@@ -200,10 +200,13 @@ def _unmet(scene: "Scene") -> list[str]:
         count, names = sum(found.count for found in meetings), f"body '{one}' touches or overlaps '{other}'"
         names = names if one != other else f"parts of body '{one}' touch or overlap"
         first = spot(np.array(meetings[0].place))
+        beside = any(stated & set(found.surfaces[0]) for found in scene.mesh.touching if {one, other} == set(found.volumes))
+        ends = " (with overlaps as drawn at a contact of both, faces at its ends are counted here)" if beside else ""
         notes.append(
             f"{names} without a contact there: {count} faces of cells, the first at {first}, lie on or in cells that do not "
-            "have all of their nodes; they come apart or pass through each other. State a contact between their surfaces, "
-            "bond them with gmsh.model.occ.fragment before meshing, so that all nodes are common, or draw them with a gap"
+            f"have all of their nodes{ends}; they come apart or pass through each other. State a contact between their "
+            "surfaces, bond them with gmsh.model.occ.fragment before meshing, so that all nodes are common, or draw them "
+            "with a gap"
         )
     return notes
 

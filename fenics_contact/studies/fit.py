@@ -35,6 +35,7 @@ POINTS = 200  # of a curve
 REFUSED = 1e3  # an error that no try with another scale of stress has: a step to parameters that a law refuses is shortened
 NEAR = 1e-6  # of a parameter's unit: steps of differences, of which 1e-6 is error, and as much round-off
 EDGE = 1e-3  # of a parameter's unit: how near to what a law refuses a search is said to end there
+SETTLED = 1e-6  # of what moves the stresses most: a change of parameters that moves them less is not told by the tests
 MISSED = 0.5  # of a test's stresses, by root mean squares: a law that misses more is none of this rubber
 Parameters = dict[str, Any]  # of a law: numbers, or lists of them
 
@@ -45,7 +46,7 @@ class Fit:
     of the nominal stress's error over its largest value}; tests: {test: table (n, 2) of stretch and nominal stress
     [pressure]}; unstable: {mode: stretch nearest to 1 from which the nominal stress falls as the body is stretched}, of all
     modes of TESTS up to BEYOND times what was tested, {} of a law that grows stiff everywhere; edge: parameters that end
-    next to what the law refuses."""
+    next to what the law refuses; unsettled: those that may change together and leave all stresses of the tests."""
 
     material: Isotropic
     parameters: Parameters
@@ -53,6 +54,7 @@ class Fit:
     tests: dict[str, Floats]
     unstable: dict[str, float]
     edge: Sequence[str] = ()
+    unsettled: Sequence[str] = ()
 
     @property
     def warning(self) -> str:
@@ -83,6 +85,11 @@ class Fit:
             )
         elif found:
             found.append("add tests of other modes, begin elsewhere, or take another law")
+        if self.unsettled:
+            found.append(
+                f"the tests do not settle {', '.join(self.unsettled)}, other numbers give the same stresses: add tests, at "
+                "more stretches or of other modes, or take a law with fewer parameters"
+            )
         if self.material.bulk_modulus < self.material.shear_modulus:
             found.append(
                 f"K = {self.material.bulk_modulus:.4g} is below the law's shear modulus, {self.material.shear_modulus:.4g}, "
@@ -158,7 +165,9 @@ def fit(law: Callable[..., Isotropic], tests: Mapping[str, object], K: float, **
     each = {name: float(np.linalg.norm(part)) for name, part in zip(tables, np.split(found.fun, ends), strict=True)}
     values = found.x * units
     parameters, material = search.parameters(values), search.material(values)
-    fitted = Fit(material, parameters, each, tables, _unstable(material, tables), search.edge(values, EDGE * units))
+    edge = search.edge(values, EDGE * units)
+    unsettled = search.unsettled(found.jac) if not edge else []
+    fitted = Fit(material, parameters, each, tables, _unstable(material, tables), edge, unsettled)
     if fitted.warning:
         warnings.warn(f"fit: {fitted.warning}", stacklevel=2)
     return fitted
@@ -233,9 +242,18 @@ class _Search:
     def edge(self, values: Floats, steps: Floats) -> list[str]:
         """Names of the parameters that the law refuses a step from where they are."""
         near = np.diag(np.maximum(steps, EDGE * np.abs(values)))
-        refused = [self.stresses(values + step) is None or self.stresses(values - step) is None for step in near]
+        return self._named([self.stresses(values + step) is None or self.stresses(values - step) is None for step in near])
+
+    def unsettled(self, slopes: Floats) -> list[str]:
+        """Names of the parameters that take part in changes which move the stresses not at all, by their slopes (stresses,
+        n), each for a change by its unit."""
+        *_, sizes, ways = np.linalg.svd(slopes)
+        idle = ways[np.append(sizes, np.zeros(len(ways) - len(sizes))) <= SETTLED * sizes.max()]
+        return self._named(np.linalg.norm(idle, axis=0) > 0.1)
+
+    def _named(self, which: Sequence[bool] | Array) -> list[str]:
         names = [name for name, part in self._starts.items() for _ in range(part.size)]
-        return list(dict.fromkeys(name for name, at_edge in zip(names, refused, strict=True) if at_edge))
+        return list(dict.fromkeys(name for name, chosen in zip(names, which, strict=True) if chosen))
 
 
 def _moduli(values: Floats, slopes: Floats, stresses: Floats) -> Array:
@@ -322,9 +340,15 @@ def _table(name: str, table: object) -> Floats:
     if name not in TESTS:
         raise StudyError(f"fit: no test '{name}'; there are {', '.join(TESTS)}")
     values = np.array(table, dtype=float)
-    is_table = values.ndim == 2 and values.shape[1] == 2 and len(values) > 1
-    if not is_table or not np.isfinite(values).all() or values[:, 0].min() <= 0.0:
-        raise StudyError(f"fit: test '{name}' needs a table (n, 2) of stretches above zero and nominal stresses")
+    wrong = ""
+    if values.ndim != 2 or values.shape[1] != 2 or len(values) < 2:
+        wrong = f"two rows or more, not numbers of the shape {values.shape}"
+    elif not np.isfinite(values).all():
+        wrong = f"row {int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0]) + 1} has what is no number"
+    elif values[:, 0].min() <= 0.0:
+        wrong = f"the least stretch is {values[:, 0].min():.4g}; a stretch is a length over that at the start, no strain"
+    if wrong:
+        raise StudyError(f"fit: test '{name}' needs a table (n, 2) of stretches above zero and nominal stresses: {wrong}")
     if not np.abs(values[:, 1]).max() > 0.0:
         raise StudyError(f"fit: test '{name}' has no stress")
     return values
