@@ -39,7 +39,7 @@ def press_and_draw(size, points):
     stages = [Stage(name, prescribe={("upper_axis", axis): way}, steps=2) for name, (axis, way) in ways.items()]
     kept = Output(OUT / f"points_{points}", overwrite=True, progress=False)
     result = solve(scene, stages=stages, method=Method(linear="direct"), out=kept).require()
-    contact = result.system.contacts[0]
+    contact = result.system.contact_terms[0]
     pressure, along = contact.forces.split_traction(result.system.state)
     rows = np.stack([contact.spots()[:, 0], pressure.ravel(), np.linalg.norm(along, axis=2).ravel()], axis=1)
     rows = np.concatenate(COMM.allgather(rows))

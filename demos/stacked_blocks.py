@@ -53,7 +53,7 @@ def squeeze(mesh, points, penalty):
     scene.prescribe("upper_top", "z", -2 * 10.0 * SQUEEZE)
     scene.contact("upper_bottom", "lower_top", penalty=penalty, points=points, name="interface")
     result = solve(scene, steps=2, out=Output(progress=False)).require()
-    pressure, _ = result.system.contacts[0].forces.split_traction(result.system.state)
+    pressure, _ = result.system.contact_terms[0].forces.split_traction(result.system.state)
     lowest = mesh.comm.allreduce(pressure.min(initial=np.inf), op=MPI.MIN)
     highest = mesh.comm.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
     return result.history[-1]["interface_force_z_N"], (highest - lowest) / 2, result

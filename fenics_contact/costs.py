@@ -57,7 +57,7 @@ class Costs:
 
     def stage_ended(self, plan: Plan) -> None:
         """All costs in the state in which a stage ends. Collective."""
-        if not any(contact.findings.misstated(self._system.state) for contact in self._system.contacts):
+        if not any(contact.findings.misstated(self._system.state) for contact in self._system.contact_terms):
             self._of_contacts(plan)
         self.stiff(plan)
         self.kept.results.begin_stage()
@@ -117,7 +117,7 @@ class Costs:
 def greatest(scene: Scene, system: System, history: list[HistoryRow]) -> tuple[dict[str, float], dict[str, float]]:
     """Of all steps the greatest travels of the tools [length] and loads of the contacts [force]."""
     travels = greatest_travels(history, [tool.name for tool in scene.tools], scene.units)
-    return travels, greatest_loads(history, [contact.name for contact in system.contacts], scene.units)
+    return travels, greatest_loads(history, [contact.name for contact in system.contact_terms], scene.units)
 
 
 def errors(system: System, solver: LinearSolver, section: Section | None, results: Results) -> Errors:

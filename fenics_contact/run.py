@@ -142,7 +142,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
         loads = {name: load for name, load in loads.items() if name not in unmet}
         kept.remark(ends_early(plans[-1].stage, plans[-1].shares))
         least = max(noise, FAINT * max(loads.values(), default=0.0))
-        loaded = [c for c in system.contacts if loads.get(c.name, 0.0) > least]
+        loaded = [c for c in system.contact_terms if loads.get(c.name, 0.0) > least]
         carried = {c.name: _carried_by(c, scene, system) for c in loaded}
         kept.remark(sparse_notes(kept.history, carried, scene.units))
         within = {name: share for name, (_, share) in kept.results.within_facets.items() if name in carried}
@@ -163,7 +163,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
     left = misfits(system) if verdict.converged else {}
     astray = {term.name: term.penalties.remedy for term, error in left.items() if error > ASTRAY}
     if not any(
-        contact.findings.misstated(system.state) for contact in system.contacts
+        contact.findings.misstated(system.state) for contact in system.contact_terms
     ):  # of which first order tells nothing
         kept.remark(penalty_notes(summary["penalty_error"], travel, scene.units, loads, astray))
     kept.remark(chord_notes(summary["chord_error"], scene.units) + node_notes(summary["node_error"], scene.units))
@@ -181,7 +181,7 @@ def _concluded(scene: Scene, built: Built, plans: Sequence[Plan], costs: Costs, 
     if missing > unknown:  # a body that moves without strain has no other work
         until = kept.history[: summary["energy"]["greatest_error_step"]]
         turned = widest_turn(until, scene.units, dict(zip(travel, built.beginning.angles, strict=True)))
-        has = ["damping"] * system.damped + ["penetration"] * (len(system.augmented) == len(system.contacts))
+        has = ["damping"] * system.damped + ["penetration"] * (len(system.augmented) == len(system.contact_terms))
         has += ["jump"] * built.beginning.jumps
         kept.remark(energy_notes(summary["energy"], scene.units, built.beginning.overlaps, turned, has))
     verdict.order()
@@ -225,7 +225,7 @@ def _unmet(built: Built, loads: Mapping[str, float]) -> dict[str, str]:
     each in a step [force]. Collective."""
     system, drawn = built.system, built.beginning.as_drawn
     unknown = system.scales.unknown
-    found = {c.name: c.findings.never_met(system.state, loads[c.name], unknown, drawn) for c in system.contacts}
+    found = {c.name: c.findings.never_met(system.state, loads[c.name], unknown, drawn) for c in system.contact_terms}
     return {name: note for name, note in found.items() if note}
 
 
@@ -269,7 +269,7 @@ def _summary(scene: Scene, system: System, plans: Sequence[Plan], verdict: Verdi
             "degree": scene.degree,
             "element": scene.element,
             "materials": {body.group: body.material.name for body in scene.bodies},
-            "contacts": [_contact_summary(c, system, scene.units) for c in system.contacts],
+            "contacts": [_contact_summary(c, system, scene.units) for c in system.contact_terms],
             "reactions": [{"name": name, "moment_about": "the present centroid of the group"} for name in groups],
         },
         "sizes": {

@@ -56,7 +56,7 @@ class Probe:
             local = np.zeros_like(state.u.x.array)
             term.add_residual(state, local, tools)
             size = max(size, COMM.allreduce(float(np.abs(local).sum())))
-            if term not in system.contacts:
+            if term not in system.contact_terms:
                 loads -= COMM.allreduce(local.reshape(-1, 3).sum(axis=0))
             with total.localForm() as whole:
                 whole.array_w[:] += local
@@ -67,12 +67,12 @@ class Probe:
         owned[system.supports.owned] = 0.0
         owed = np.where(system.tools.free, COMM.allreduce(tools) - system.tools.forces(state.t), 0.0)
         left = np.sqrt(COMM.allreduce(float(owned @ owned)) + np.sum(owed**2))
-        forces = {c.name: c.forces.measures(state)["force"] for c in system.contacts}
-        outside = sum((forces[c.name] for c in system.contacts if c.partner.grounded), np.zeros(3))
+        forces = {c.name: c.forces.measures(state)["force"] for c in system.contact_terms}
+        outside = sum((forces[c.name] for c in system.contact_terms if c.partner.grounded), np.zeros(3))
         sum_of_all = outside + loads + COMM.allreduce(held.reshape(-1, 3).sum(axis=0))
         row = {"t": state.t, "forces": forces, "loads": loads, "left": left, "sum": np.linalg.norm(sum_of_all)}
         row |= {"scale": system.scales.balance, "size": size, "cone": 0.0, "pull": 0.0}
-        for contact in system.contacts:
+        for contact in system.contact_terms:
             over, pull = beyond_coulomb(contact, state, NOTHING * self.young)
             row["cone"], row["pull"] = max(row["cone"], over), max(row["pull"], pull)
         self.rows.append(row)
@@ -157,7 +157,7 @@ def depths(run):
     out, system = [], run.system
     u = system.state.u.x.array.reshape(-1, 3)
     X = run.scene.space.tabulate_dof_coordinates()
-    for contact, stated in zip(system.contacts, run.scene.contacts, strict=True):
+    for contact, stated in zip(system.contact_terms, run.scene.contacts, strict=True):
         height, name = contact.surface.cell_height, contact.name
         found = {"a point": findings.deepest_point(contact, system.state)[0]}
         found["a node"] = findings.node_depth(contact, system.state)[0]
@@ -198,7 +198,7 @@ def _inside(run):
     """How far [length] the tool at its deepest lies within slave points of the bodies as they were at the start; zero of a
     punch and of a meshed tool, whose points may lie beside them, if these are not below by the way pressed."""
     s, tool = run.s, make_tool(run.s)
-    contact = next(c for c in run.system.contacts if c.name == "top")
+    contact = next(c for c in run.system.contact_terms if c.name == "top")
     travel = np.array([0.0, 0.0, -s.length * (s.gap + s.depth)])
     spots = contact.spots()
     if isinstance(tool, RigidTool) and (gaps := distance(tool, spots, travel)) is not None:
@@ -297,7 +297,7 @@ def possible(s, verdict):
 def used_up(run):
     """Whether friction is all that Coulomb allows wherever the contacts that a verdict names press. Collective."""
     ends = []
-    for contact in run.system.contacts:
+    for contact in run.system.contact_terms:
         if f"'{contact.name}'" in run.verdict.place:
             pressure, along = contact.forces.split_traction(run.system.state)
             peak = max(COMM.allgather(pressure.max(initial=0.0)))

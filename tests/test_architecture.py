@@ -334,7 +334,7 @@ def test_rooms_do_not_know_each_other_in_circles():
         (set_from_outside, "for term in terms:\n    term.name = 1.0"),
         (set_from_outside, "contact.law, contact.friction = law, friction"),
         (set_from_outside, "self._contact.trial = trial"),
-        (set_from_outside, "system.contacts[0].places.search += 1.0"),
+        (set_from_outside, "system.contact_terms[0].places.search += 1.0"),
         (set_from_outside, "border.corner[mine, mine] += 1.0"),
         (set_from_outside, "_damping(system).share = 0.0"),
         (set_from_outside, "if hasattr(term, 'only'): pass"),

@@ -190,7 +190,7 @@ def test_a_stuck_block_stays_where_it_is(kind):
     assert row["c_sticking_points"] == row["c_active_points"] > 0
     np.testing.assert_allclose([row["c_force_x_N"], row["c_force_z_N"]], [-0.2, 1.0], rtol=1e-6)  # balance
     assert misfit(system) <= 1.0  # slips, too
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     # the sole as a whole: the plate below gives way by 0.2 N / (1e6 MPa 6 mm), and shear of the block tilts no node aside
     s = contact.surface
     aside = np.einsum("eqk,ek->eq", s.a, result.u.x.array[0::3][s.nodes])
@@ -274,9 +274,9 @@ def test_a_rollback_takes_multipliers_back():
     stepper = Augmented(Newton(LinearSolver(system)))
     stepper.step(system, 0.5)
     system.trail.commit()
-    kept = {name: values.copy() for name, values in system.contacts[0].history().items()}
+    kept = {name: values.copy() for name, values in system.contact_terms[0].history().items()}
     stepper.step(system, 1.0)
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     assert COMM.allreduce(int((contact.trial.history.shift < kept["shift"]).sum())) > 0
     system.trail.rollback()
     for name, values in contact.history().items():
@@ -312,7 +312,7 @@ def test_a_penetration_out_of_reach_is_said_and_the_step_ends_in_balance():
 def test_a_penetration_out_of_reach_on_an_arc_ends_like_one_in_a_load_step():
     """Steps are taken in the balanced state with the smallest error, and the last one lands on its target all the same."""
     system = overheld()
-    contact, reports, verdict = system.contacts[0], [], Verdict()
+    contact, reports, verdict = system.contact_terms[0], [], Verdict()
     leg = {"the load": lambda: system.state.t - 1.0}
     arc = ArcLength(LinearSolver(system, afresh=True))
     path = Path(system, arc, Adapted(Augmented(arc, limit=8), arc.linear), ArcSteps(until=None, first=0.5), Route([leg]))
@@ -351,7 +351,7 @@ def test_an_augmentation_that_cannot_be_solved_is_taken_in_part():
         system = scene.system(move={scene.tools[0]: (0, 0, -1.0)})
         report = Augmented(Stumbling(LinearSolver(system), fails)).step(system, 1.0)
         assert report.misfits[-1] <= 1.0 and not report.notes
-        forces.append(system.contacts[0].forces.measures(system.state)["force"][2])
+        forces.append(system.contact_terms[0].forces.measures(system.state)["force"][2])
     # each ends anywhere within 1e-6 of 1 mm
     np.testing.assert_allclose(*forces, rtol=1e-5)
 

@@ -83,7 +83,7 @@ def squeezed(mesh, slave, master):
     scene.prescribe("upper_top", "z", -0.1 * 2 * HIGH)
     scene.contact(slave, master, name="c", penalty=500.0)
     result = solve(scene, steps=2).require()
-    pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
+    pressure = result.system.contact_terms[0].forces.split_traction(result.system.state)[0]
     return abs(result.history[-1]["c_force_z_N"]), 0.5 * np.ptp(pressure) / pressure.mean()
 
 
@@ -117,7 +117,7 @@ def test_sides_that_do_not_match_feel_one_pressure(plane, degree, lower, upper):
         scene.prescribe("upper_ymax", "y", -2.0)
         scene.contact("upper_ymin", "lower_ymax", name="c", penalty=500.0)
         result = solve(scene, steps=2).require()
-        pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0].ravel()
+        pressure = result.system.contact_terms[0].forces.split_traction(result.system.state)[0].ravel()
         pressure = np.concatenate(COMM.allgather(pressure))
         found.append(result.history[-1]["c_force_y_N"])
         assert np.ptp(pressure) < 1e-8 * pressure.mean()
@@ -392,7 +392,7 @@ def test_a_slave_is_pushed_over_the_end_of_its_master():
     stretch = COMM.allreduce(sole.area[: mesh.domain.geometry.index_map().size_local].sum()) / 16.0
     assert 1.0 < stretch < 1.2 and 8.0 < result.history[-1]["c_area_mm2"] / stretch < 10.0
     assert result.history[-1]["c_penetration_mm"] > 0.0
-    contact, state = result.system.contacts[0], result.system.state
+    contact, state = result.system.contact_terms[0], result.system.state
     pressure, along = contact.forces.split_traction(state)
     most = COMM.allreduce(pressure.max(initial=0.0), op=MPI.MAX)
     assert pressure.min(initial=0.0) > -1e-9 * most
@@ -485,7 +485,7 @@ def square_blade(master, steps=12):
         Stage("drag", prescribe={("blade_ymax", "x"): 2.0}, steps=steps),
     ]
     result = solve(scene, stages=stages).require()
-    edge = result.system.contacts[0].findings.pressing_edge(result.system.state)  # what a verdict would name
+    edge = result.system.contact_terms[0].findings.pressing_edge(result.system.state)  # what a verdict would name
     return sliding_ratios(result), [note for note in result.verdict.notes if "lean" in note], edge
 
 
@@ -596,7 +596,7 @@ def test_a_frictionless_indenter_is_drawn_along():
     result = solve(scene, stages=stages).require()
     late = result.column("t") > 1.4  # more than its width from where it began
     # what it has left behind is not what would keep it from going on
-    assert result.system.contacts[0].findings.trouble(result.system.state) is None
+    assert result.system.contact_terms[0].findings.trouble(result.system.state) is None
     along, down = (result.column(f"c_force_{axis}_N")[late] for axis in "xy")
     assert np.abs(along / down).max() < 0.01
 

@@ -292,10 +292,10 @@ def test_a_node_that_comes_into_a_plate_from_below_is_found(pair, degree):
     """The lower layer's side is drawn up into it, and aside."""
     system = build(held_bearing([pair], degree)).system
     state, x = system.state, system.space.tabulate_dof_coordinates()
-    assert not (system.contacts[0].places.crossing.found(state).depth > 1e-9).any()
+    assert not (system.contact_terms[0].places.crossing.found(state).depth > 1e-9).any()
     below = np.where(np.isclose(x[:, 0], -1.0), 0.5 - x[:, 1], 0.0)
     some = (below > 1e-9) & (below < 0.26)
     state.u.x.array.reshape(-1, 3)[some, :2] = np.stack([-0.4 * below, 0.03 + below], axis=1)[some]
-    found = system.contacts[0].places.crossing.found(state)
+    found = system.contact_terms[0].places.crossing.found(state)
     deep = state.comm.allgather(found.depth.max(initial=0.0))
     assert max(deep) == pytest.approx(0.03, rel=1e-9)

@@ -74,7 +74,7 @@ def test_friction_of_one_way_has_nothing_between_nodes():
 def test_what_rubs_more_acts_on_both_bodies():
     """By the friction's law: no more than its limit, outward from the middle, and as much on the casing as on the rubber."""
     result = packer(1)
-    (contact,), state, comm = result.system.contacts, result.system.state, result.system.comm
+    (contact,), state, comm = result.system.contact_terms, result.system.state, result.system.comm
     more, sizes = contact.findings.between_nodes(state)
     feet = contact.places.feet(state)
     forces = np.zeros_like(feet.coords)

@@ -148,7 +148,7 @@ def test_folded_walls_in_the_plane_have_the_digits_of_a_layer(degree, friction):
 def test_tangent_of_folded_walls(degree, thick, friction, slid, status):
     """Nodes in the crease are slaves and masters at once."""
     system = grooved_scene(degree=degree, thick=thick, friction=friction).system()
-    state, contact, X = system.state, system.contacts[0], system.space.tabulate_dof_coordinates()
+    state, contact, X = system.state, system.contact_terms[0], system.space.tabulate_dof_coordinates()
     wall = np.tan(np.radians(30.0)) * np.maximum(X[:, 1] - FLOOR, 0.0)
     u = 0.01 * np.random.default_rng(1).uniform(-1, 1, X.shape)
     u[:, 0] -= 1.02 * np.sign(X[:, 0]) * wall * np.exp((wall - np.abs(X[:, 0])) / 3.0)
@@ -367,7 +367,7 @@ def test_a_ridge_shows_what_acts_across_and_along_the_master(friction):
     """Its flanks lean by 45 degrees to what it presses: with the pressures along their own normals the load was less than
     what it is to hold, by up to a third, and friction had a part of that."""
     result = pressed_roof(friction)
-    row, contact, state = result.history[-1], result.system.contacts[0], result.system.state
+    row, contact, state = result.history[-1], result.system.contact_terms[0], result.system.state
     force, rubs = (np.array([row[f"c_{part}_{axis}_N"] for axis in "xy"]) for part in ("force", "friction"))
     load = row["c_load_N"]
     assert np.cos(np.radians(28.0)) * load < np.linalg.norm(force - rubs) <= load  # no facet that is pressed leans by more

@@ -453,7 +453,7 @@ class Creeping:
     """A system, its trail and stepper, that no step carries on, only a jump."""
 
     damping = damped = True
-    terms, fluids, contacts, stages = (), (), (), Stages(("",), (1.0,), 0)
+    terms, fluids, contact_terms, stages = (), (), (), Stages(("",), (1.0,), 0)
     holds, comm = SimpleNamespace(reliant=[]), MPI.COMM_SELF
     supports = SimpleNamespace(ties=SimpleNamespace(of=lambda tool: ()))
     tools = ToolMotion(stages, ((), ()), (), [np.zeros((0, 6), dtype=bool)], (), (1.0, 1.0))
@@ -497,7 +497,7 @@ def test_jumps_grow_where_they_come_to_rest_and_end_where_they_do_not(monkeypatc
 def test_steps_in_which_no_jump_is_tried_use_none_up(monkeypatch):
     """Not asked for, damping is tried where statuses cycle alone: steps that fail otherwise before leave it its tries."""
     system, others = Creeping(True), 4 + control.JUMPS
-    system.damped, system.contacts = False, [SimpleNamespace(surface=SimpleNamespace(cell_height=1.0), rough=False)]
+    system.damped, system.contact_terms = False, [SimpleNamespace(surface=SimpleNamespace(cell_height=1.0), rough=False)]
 
     def step(system, t):
         system.steps += 1

@@ -122,7 +122,7 @@ def test_a_penetration_of_some_of_a_cell_keeps_a_tenth_of_a_percent(name):
     force = [result.history[-1][f"top_force_{a}_N"] for a in "xyz"]
     scene, drive = DEFAULT[name](100.0)
     at = next(i for i, contact in enumerate(scene.contacts) if contact.name == "top")
-    height = float(np.median(result.system.contacts[at].surface.height))
+    height = float(np.median(result.system.contact_terms[at].surface.height))
     scene.contacts[at] = replace(scene.contacts[at], penetration=3e-4 * height)
     kept = solve(scene, **drive).require()
     found = [kept.history[-1][f"top_force_{a}_N"] for a in "xyz"]
@@ -194,6 +194,6 @@ def test_the_softer_body_sets_the_penalty_whichever_is_the_slave(slave, master):
     scene.fix("upper_top", "xy")
     scene.contact(slave, master, name="between")
     scene.contact("upper_top", rigid_plane((0, 0, 2.0), (0, 0, -1.0)), name="top")
-    between, top = (contact.trial.law.eps_n for contact in scene.system().contacts)
+    between, top = (contact.trial.law.eps_n for contact in scene.system().contact_terms)
     np.testing.assert_allclose(between, 100.0 * 1.0 / 2.0, rtol=1e-12)
     np.testing.assert_allclose(top, 100.0 * 50.0 / 2.0, rtol=1e-12)

@@ -110,7 +110,7 @@ def test_directions_turn_and_shear_with_the_body(mesh, aslant, name, cells, turn
     size = last[2] / np.hypot(np.cos(between) / ALONG, np.sin(between) / ACROSS)
     assert last[2] == pytest.approx(4.0 * PRESS, rel=LAW)
     np.testing.assert_allclose(last[:2], -size * way[:2] / np.linalg.norm(way), atol=LAW * size)
-    contact, state = result.system.contacts[0], result.system.state
+    contact, state = result.system.contact_terms[0], result.system.state
     allowed = result.system.comm.allreduce(float((contact.forces.limits(state) * contact.surface.area).sum()))
     assert allowed == pytest.approx(size, rel=LAW)
 
@@ -173,7 +173,7 @@ def slipping(cells, degree, points, friction):
     scene.fix("upper_top")
     scene.contact("upper_bottom", "lower_top", friction, points=points, name="joint")
     system = scene.system()
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     u, upper = state.u.x.array.reshape(-1, 3), dict(system.bodies)["upper"]
     u[:] = 0.03 * np.random.default_rng(1).uniform(-1, 1, u.shape)
     u[upper] -= [0.0, 0.0, 0.1]

@@ -79,7 +79,7 @@ def on_a_tool(points, friction=0.0, **pressure):
     scene.contact("zmax", tool, friction, points=points, name="c")
     scene.pressure(("zmax", "xmax"), 0.1, where="open", **pressure)
     system = scene.system(push={tool: (1.0, 1.0, -1.0)})
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     state.u.x.array[:] = 0.02 * np.random.default_rng(1).uniform(-1, 1, len(state.u.x.array))
     state.travel[0] = (0.0, 0.0, -0.5 if points == "averages" else 0.0)
     contact.commit(state)
@@ -127,7 +127,7 @@ def partly_open(name):
 def test_tangent_is_the_derivative(name):
     """On open nodes, on those that contact presses by less than the fluid and by more, with all that moves a contact."""
     system, fluid, on = partly_open(name)
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     share = fluid.share(state).min(axis=0)
     assert (share[on] == 1.0).any() and ((share[on] > 0.0) & (share[on] < 1.0)).any() and (share[on] == 0.0).any()
 
@@ -143,7 +143,7 @@ def test_tangent_is_the_derivative(name):
 def test_a_tangent_with_other_trials_is_so_of_the_fluid_too(name):
     """As if the contact itself had the other law: the fluid's share goes by what that presses with."""
     system = partly_open(name)[0]
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     stiffer = contact.penalties.stiffened(system.state, 1.1)
     system.assemble_tangent(trials={contact: stiffer})
     tried = system.matrix.getValuesCSR()[2].copy()

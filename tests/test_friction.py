@@ -84,7 +84,7 @@ def test_friction_that_falls_with_pressure(mesh, shear_limit):
     result = solve(dragged(mesh, lambda s: np.array([3.0 * s, 0.0]), mu=law), steps=drag_times(4))
     assert result.converged, result.verdict.reason
     assert max(result.column("iterations")[2:]) <= 3  # slips on: as many as with a constant mu, for the tangent is exact
-    pressure, friction = result.system.contacts[0].forces.split_traction(result.system.state)
+    pressure, friction = result.system.contact_terms[0].forces.split_traction(result.system.state)
     free = MU * (10.0 * pressure**2) ** (1 / 3)
     np.testing.assert_allclose(np.linalg.norm(friction, axis=-1), np.minimum(free, shear_limit or np.inf), rtol=LAW)
     above = result.system.comm.allreduce(int((free > 4.5).sum())), result.system.comm.allreduce(int((free < 4.5).sum()))
@@ -184,7 +184,7 @@ def test_two_directions_of_friction_turn_with_the_tool(mesh, name, turn):
     last = force(result)[-1]
     size = 20.0 / np.hypot(np.cos(turn) / MU, np.sin(turn) / 0.6)
     np.testing.assert_allclose(last, [size, 0.0, 20.0], atol=LAW * size)
-    contact, state = result.system.contacts[0], result.system.state
+    contact, state = result.system.contact_terms[0], result.system.state
     allowed = result.system.comm.allreduce(float((contact.forces.limits(state) * contact.surface.area).sum()))
     assert allowed == pytest.approx(size, rel=LAW)
     turned = solve(scene, stages=stages[:2]).require()
@@ -217,7 +217,7 @@ def test_curved_path_of_the_top(mesh):
         return 3.0 * np.array([np.sin(np.pi * s), 1.0 - np.cos(np.pi * s)])
 
     result = solve(dragged(mesh, circle), steps=drag_times(20))
-    pressure, friction = result.system.contacts[0].forces.split_traction(result.system.state)
+    pressure, friction = result.system.contact_terms[0].forces.split_traction(result.system.state)
     np.testing.assert_allclose(np.linalg.norm(friction, axis=-1), MU * pressure, rtol=LAW)
     chord = circle(1.0) - circle(0.95)
     assert force(result)[-1, :2] @ chord < -0.99 * MU * force(result)[-1, 2] * np.linalg.norm(chord)  # cos(8 degrees)
@@ -265,7 +265,7 @@ def final_state(scene, times, stumble=None):
     linear = LinearSolver(system)
     verdict = run(system, Newton(linear) if stumble is None else Stumbling(linear, stumble), times, lambda *_: None)
     assert verdict.converged and verdict.cuts == (stumble is not None)
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     traction, path = contact.response(system.state).traction, contact.accepted.history.slip_path
     return displacements(system.state.u), of_all(contact.key, traction), of_all(contact.key, path)
 
@@ -306,7 +306,7 @@ def test_evaluation_does_not_change_history(mesh):
         system.assemble_residual()
         system.assemble_tangent()
         matrix = system.matrix.getValuesCSR()[2]
-        return system.residual_vector.array.copy(), matrix.copy(), system.contacts[0].response(system.state).traction
+        return system.residual_vector.array.copy(), matrix.copy(), system.contact_terms[0].response(system.state).traction
 
     first = evaluate()
     system.state.travel[0] = (0.1, 0.2, 0.0)  # another trial state in between must leave no trace

@@ -94,7 +94,7 @@ def test_a_quarter_of_rough_blocks_has_a_quarter_of_the_force(slave):
     (quarter, result), (whole, _) = (measured(blocks(one, slave), 1 if one else 4) for one in (False, True))
     # the whole is off its own mirror image by 5e-5 of its ways: parts of bent facets are cut up from one of their corners on
     np.testing.assert_allclose(quarter, whole, rtol=1e-4)
-    places = result.system.contacts[0].places
+    places = result.system.contact_terms[0].places
     rank = np.round(np.trace(places.feet(result.system.state).kept, axis1=1, axis2=2)).astype(int)
     on = np.abs(places.surface.X[:, 0, :2]) < 1e-9
     np.testing.assert_array_equal(rank, 3 - on.sum(axis=1))
@@ -119,7 +119,7 @@ def test_half_of_a_rough_pad_under_a_meshed_tool(way, symmetric):
         values, result = measured(scene, 1 if whole else 2, move={bar: Motion(x=way[0], y=way[1])})
         found.append(values)
         system = result.system
-        feet = system.contacts[0].places.feet(system.state)
+        feet = system.contact_terms[0].places.feet(system.state)
         told = COMM.allreduce(int((np.trace(feet.kept, axis1=1, axis2=2) < 2.5).sum()))
         assert told == (symmetric and not whole)
     if symmetric:
@@ -142,7 +142,7 @@ def test_a_guide_is_no_plane_of_symmetry(how):
     scene.contact("pad_ymin", "bed_ymax", 0.3, name="c")
     shift = {("pad_xmin", "x"): 0.2} if how == "led" else {}
     system = solve(scene, stages=[Stage("on", prescribe=shift, steps=1)], out=Output(progress=False)).system
-    feet = system.contacts[0].places.feet(system.state)
+    feet = system.contact_terms[0].places.feet(system.state)
     held = COMM.allreduce(int((np.trace(feet.kept, axis1=1, axis2=2) < 2.5).sum()))
     assert held == (how == "still")
 
@@ -194,7 +194,7 @@ def test_nothing_slides_on_the_axis_of_bodies_of_revolution(degree, slave):
     sides = ("pad_ymin", "bed_ymax") if slave == "pad" else ("bed_ymax", "pad_ymin")
     scene.contact(*sides, 0.1, name="c")
     result = solve(scene, steps=2, out=Output(progress=False)).require()
-    contact, state = result.system.contacts[0], result.system.state
+    contact, state = result.system.contact_terms[0], result.system.state
     friction = contact.response(state).split[1][:, 0]
     on_axis = contact.places.surface.X[:, 0, 0] < 1e-9
     assert COMM.allreduce(int(on_axis.sum())) == 1
@@ -214,7 +214,7 @@ def test_tangent_on_planes_of_symmetry(slave, friction, shift, status):
     sides = ("upper_bottom", "lower_top") if slave == "upper" else ("lower_top", "upper_bottom")
     scene.contact(*sides, friction, name="c")
     system = scene.system()
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     X = scene.space.tabulate_dof_coordinates()
     upper = np.setdiff1d(np.arange(len(X)), scene.mesh.nodes(scene.space, "lower_top"))
     upper = upper[X[upper, 2] >= BOW * (X[upper, :2] ** 2).sum(axis=1) - 1e-9]

@@ -157,7 +157,7 @@ def rows(result, frame):
     out = []
     for row in result.history:
         found = {"smallest J": row["smallest_J"]}
-        for contact in (contact.name for contact in result.system.contacts):
+        for contact in (contact.name for contact in result.system.contact_terms):
             for what, (label, unit) in units.items():
                 found[f"{contact} {what}"] = frame.Q.T @ [row[f"{contact}_{what}_{a}_{label}"] for a in "xyz"] / unit
             found[f"{contact} area"] = row[f"{contact}_area_L2"] / length**2
@@ -308,7 +308,7 @@ def final(name, times, lost=None):
             system.trail.rollback()
         stepper.step(system, t)
         system.trail.commit()
-    slid = [contact.accepted.history.slip_path for contact in system.contacts]
+    slid = [contact.accepted.history.slip_path for contact in system.contact_terms]
     return system.state.u.x.array.copy(), np.concatenate([path.ravel() for path in slid])
 
 

@@ -138,7 +138,7 @@ def test_flat_tool_squeezes_a_cube_homogeneously(cells, degree, points):
     scene.contact("zmax", tool, name="c", penalty=1000.0, points=points)
     result = solve(scene, move={tool: (0, 0, -0.4)}, steps=2)
     assert result.converged
-    pressure, _ = result.system.contacts[0].forces.split_traction(result.system.state)
+    pressure, _ = result.system.contact_terms[0].forces.split_traction(result.system.state)
     # the penalty takes 0.129/1000 mm of 0.4 mm; over 0.9 that is 3e-4 of the stress at most
     assert np.abs(pressure / 0.1288051 - 1.0).max(initial=0.0) < 4e-4
 
@@ -151,7 +151,7 @@ def pressed(points, friction, shift):
     tool = ball(1.5)
     scene = block(tool, friction, cells=(5, 5, 2), points=points)
     system = scene.system(push={tool: (1.0, 1.0, -1.0)})
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     state.u.x.array[:] = 0.02 * np.random.default_rng(1).uniform(-1, 1, len(state.u.x.array))
     state.travel[0] = (0.0, 0.0, -0.5)
     contact.commit(state)
@@ -218,7 +218,7 @@ def test_a_grooved_plate_is_dragged_at_an_angle(points):
     scene = block(tool, GROOVED, cells=(4, 4, 2), points=points)
     result = solve(scene, move={tool: down_and_along(0.3, 3.0)}, steps=4, method=Method(tolerance=1e-10))
     assert result.converged and result.history[-1]["c_sticking_points"] == 0
-    contact, state = result.system.contacts[0], result.system.state
+    contact, state = result.system.contact_terms[0], result.system.state
     pressure, friction = contact.forces.split_traction(state)
     lean = 1.0 - contact.forces.normals(state)[..., 2] ** 2  # of the slave's normals, across which its nodes rub
     closed = pressure > 0.0

@@ -184,5 +184,5 @@ def test_a_raise_that_cannot_be_solved_is_forgone():
     stepper = Augmented(Stumbling(LinearSolver(system)))
     report = stepper.step(system, 0.25)
     assert stepper.stepper.raised == 1 and report.misfits[-1] <= 1.0 and not report.said
-    assert all(contact.penalties.raise_factor(system.state) == 1.0 for contact in system.contacts)
-    assert all(contact.penalties.room(system.state) == 100.0 for contact in system.contacts)
+    assert all(contact.penalties.raise_factor(system.state) == 1.0 for contact in system.contact_terms)
+    assert all(contact.penalties.room(system.state) == 100.0 for contact in system.contact_terms)

@@ -218,7 +218,7 @@ def test_a_pushed_tool_goes_less_deep():
 def test_the_state_is_left_as_it_was():
     scene, drive = sphere(5.0)
     result = solve(scene, **drive, steps=2)
-    system, contact = result.system, result.system.contacts[0]
+    system, contact = result.system, result.system.contact_terms[0]
     force = -(contact.response(system.state).traction * contact.surface.area[..., None]).sum(axis=(0, 1))
     total = COMM.allreduce(force)
     np.testing.assert_allclose(total[2], result.history[-1]["c_force_z_N"], rtol=1e-9)  # nothing moved but round-off

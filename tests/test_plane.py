@@ -943,7 +943,7 @@ def test_how_finely_the_master_is_divided_does_not_matter(degree, plane, options
         scene.prescribe("pad_ymax", "y", -0.3)
         scene.contact("pad_ymin", "bed_ymax", name="c", **options)
         result = solve(scene, steps=1).require()
-        pressures = result.system.contacts[0].response(result.system.state).split[0].ravel()
+        pressures = result.system.contact_terms[0].response(result.system.state).split[0].ravel()
         area = (np.pi if plane == "axisymmetric" else 1.0 / 3.0) * 9.0
         np.testing.assert_allclose(result.column("c_area_mm2")[-1], area, rtol=1e-8)
         np.testing.assert_allclose(pressures, pressures.mean() if len(pressures) else 0.0, rtol=1e-7)

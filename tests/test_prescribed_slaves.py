@@ -31,7 +31,7 @@ def led(result):
 def test_force_on_prescribed_slave_nodes_is_said(options):
     result = pressed_beside("zmax", **options).require()
     (note,) = led(result)
-    contact, total = result.system.contacts[0], result.history[0]["c_force_z_N"]
+    contact, total = result.system.contact_terms[0], result.history[0]["c_force_z_N"]
     # the three prescribed nodes: a quarter or half of a facet each, as deep as the plane has come in the first step
     own = max(COMM.allgather(contact.trial.law.eps_n.max(initial=0.0))) * 0.1 * (0.25 + 0.5 + 0.25)
     assert float(note.split(" of the contact's force")[0].split()[-1]) == pytest.approx(own / abs(total), rel=0.01)

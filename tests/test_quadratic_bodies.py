@@ -112,7 +112,7 @@ def pressed(kind, friction, led, points=3):
     """System and contact of a pair, pressed into each other and roughened, committed, then led on by a share of its way."""
     mesh, scene, slave, press, lead, size = pair(kind, friction, points)
     system = scene.system()
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag(slave)]
     nodes = np.unique(compat.cell_dofs(scene.space)[cells])
     X = scene.space.tabulate_dof_coordinates()
@@ -198,7 +198,7 @@ def test_a_constant_pressure_loads_both_sides(lower, upper, points):
     scene.fix("lower_ymin"), scene.fix("upper_ymax")
     scene.contact("upper_ymin", "lower_ymax", penalty=10.0, points=points, name="c")
     system = scene.system()
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     X, u = scene.space.tabulate_dof_coordinates(), np.zeros((len(state.u.x.array) // 3, 3))
     bodies = mesh.cell_tags.values == mesh.volume_tag("upper")
     slave = np.unique(compat.cell_dofs(scene.space)[mesh.cell_tags.indices[bodies]])
@@ -236,7 +236,7 @@ def test_squeezed_blocks(triangles, points, scatter):
         scene.prescribe("upper_ymax", "y", -2.0)
         scene.contact("upper_ymin", "lower_ymax", penalty=500.0, points=points, name="c")
         result = solve(scene, steps=2).require()
-        pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
+        pressure = result.system.contact_terms[0].forces.split_traction(result.system.state)[0]
         found.append((result.history[-1]["c_force_y_N"], np.ptp(pressure) / pressure.mean()))
     assert found[0][1] < 1e-9
     assert found[1][0] == pytest.approx(found[0][0], rel=2e-4)

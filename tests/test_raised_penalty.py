@@ -182,7 +182,7 @@ def test_friction_is_felt_unchanged(kind):
     """At the accepted state greater penalties give the same friction traction, in stick as in slip."""
     scene = dragged(kind)
     system = solve(scene, steps=4).require().system
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     before, trial = contact.response(system.state), contact.trial
     counts = COMM.allreduce(np.bincount(before.status.ravel(), minlength=4))
     assert counts[2] > 0 and counts[3] > 0  # some stick, some slip
@@ -255,12 +255,12 @@ def final(times, fails=None, lost=None):
         report = stepper.step(system, t)
         Verdict().accept(report, system)
         system.trail.commit()
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     return displacements(system.state.u), of_all(contact.key, contact.trial.law.eps_n), report, system
 
 
 def raise_factor(system):
-    return system.contacts[0].penalties.raise_factor(system.state)
+    return system.contact_terms[0].penalties.raise_factor(system.state)
 
 
 def test_a_dropped_step_leaves_no_trace(monkeypatch):
@@ -274,7 +274,7 @@ def test_a_dropped_step_leaves_no_trace(monkeypatch):
 def test_a_step_that_greater_penalties_spoil_is_taken_without(monkeypatch):
     monkeypatch.setattr(penalties, "DEEPEST", 1e-4)
     system = final([0.4, 0.7], fails="settle")[3]
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     first = raise_factor(final([0.4])[3])
     # those of the step before; on several ranks MUMPS adds in the order of arrival, so two runs differ in their last bits
     np.testing.assert_allclose(raise_factor(system), first, rtol=SAME)

@@ -110,7 +110,7 @@ def test_the_judge_sees_what_is_wrong():
     state.u.x.array[:] *= 1.001
     run.probe(state)
     assert any("out of balance" in text for text in wrongs(run))
-    contact = run.system.contacts[0]
+    contact = run.system.contact_terms[0]
     assert beyond_coulomb(contact, state, 0.0)[0] < CONE
     assert beyond_coulomb(contact, state, 0.0, share=0.5)[0] > CONE  # what slips exceeds half of it
     assert lifted(run)

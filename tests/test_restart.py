@@ -212,7 +212,7 @@ def carry(name, folder, times, resume=False):
 def numbers(result):
     """What a partition may not change: {quantity: its values in all steps}."""
     skip = ("seconds", "residual", "iterations")  # times, and what round-off may change at the last iteration
-    contact = result.system.contacts[0]
+    contact = result.system.contact_terms[0]
     path = COMM.allreduce(float((contact.accepted.history.slip_path * contact.surface.area).sum()))
     columns = {key: [row[key] for row in result.history] for key in result.history[0] if key not in skip}
     return columns | {"slip path": [path], "norm": [result.system.vector.norm()]}

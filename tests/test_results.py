@@ -180,7 +180,7 @@ def test_a_master_body_lacks_the_couple_of_gaps_and_friction():
         scene.contacts.clear()
         scene.contact("upper_bottom", "lower_top", 0.5, name="j", **contact)
         result = solve(scene, steps=4, method=Method(tolerance=1e-12)).require()
-        row, terms = result.history[-1], result.system.contacts
+        row, terms = result.history[-1], result.system.contact_terms
 
         def vector(name, unit, row=row):
             return np.array([row[f"{name}_{axis}_{unit}"] for axis in "xyz"])

@@ -118,7 +118,7 @@ def placed(name, points, friction, shift, spin):
     )
     motion = Motion(about=(0.5, -0.3, 1.0), force=(1.0, 1.0, -1.0), moment=(1.0, 1.0, 1.0))
     system = rubber(tool, friction, points=points).system(move={tool: motion})
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     state.u.x.array[:] = 0.01 * np.random.default_rng(1).uniform(-1, 1, len(state.u.x.array))
     state.q[0] = np.append([0.0, 0.0, -0.4], system.tools.lever * np.array([0.01, -0.02, 0.7]))
     contact.commit(state)
@@ -216,7 +216,7 @@ def test_torque_of_a_shaft_that_slides_on_a_pad(method):
     motion = Motion(z=lambda t: -0.5 * min(2 * t, 1.0), ry=lambda t: 1.2 * max(2 * t - 1.0, 0.0))
     result = solve(scene, move={shaft: motion}, method=method, steps=8)
     assert result.converged and result.column("c_sticking_points")[-1] == 0
-    contact, state = result.system.contacts[0], result.system.state
+    contact, state = result.system.contact_terms[0], result.system.state
     pressure, surface = contact.forces.split_traction(state)[0], contact.surface
     x = (surface.X + state.u.x.array.reshape(-1, 3)[surface.nodes])[:, 0]
     r = np.linalg.norm((x - state.pose(0).place)[:, [0, 2]], axis=1)
@@ -271,7 +271,7 @@ def test_a_ball_pressed_and_twisted_sticks_in_the_middle():
     press = lambda t: -0.5 * min(2 * t, 1.0)  # noqa: E731
     result = solve(scene, move={ball: Motion(z=press, rz=lambda t: 0.12 * max(2 * t - 1, 0.0))}, steps=4)
     system = result.system
-    contact, state = system.contacts[0], system.state
+    contact, state = system.contact_terms[0], system.state
     status, surface = contact.response(state).status.ravel(), contact.surface
     r = np.linalg.norm(contact.spots()[:, :2], axis=1)
     r, status = (np.concatenate(system.comm.allgather(part)) for part in (r, status))
@@ -390,11 +390,11 @@ def test_the_tangent_carries_along_what_is_tied(to):
         return np.concatenate([system.residual_vector.array, system.tool_residual.ravel()])
 
     residual()
-    assert (system.contacts[0].statuses() != OPEN).any()
+    assert (system.contact_terms[0].statuses() != OPEN).any()
     system.assemble_tangent()
     way, free = random_way(system), np.append(free, np.ones(state.q.size))
     slope = free * change(system, free * way)
-    left = left_over(system, residual, slope, way, 4e-5, system.contacts[0].statuses)
+    left = left_over(system, residual, slope, way, 4e-5, system.contact_terms[0].statuses)
     assert orders(left).min() > 1.97, left
 
 

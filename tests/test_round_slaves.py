@@ -196,7 +196,7 @@ def test_what_comes_to_rest_stays_there():
 @pytest.mark.serial
 def test_tangent_where_round_sides_press_along_the_masters_normals():
     system = dragged(0.5, tilt=0.0, press=0.05).system
-    contact, state = system.contacts[0], system.state
+    contact, state = system.contact_terms[0], system.state
     state.u.x.array[:] += 1e-6 * np.random.default_rng(3).uniform(-1, 1, len(state.u.x.array))
     system.foresight.resample(state)
     around, slaves = contact.places.around, contact.places.samples.slaves

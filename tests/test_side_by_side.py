@@ -34,7 +34,7 @@ def columns(swapped=False, degree=1, gap=0.0, friction=0.0, depth=0.2, aside=0.0
 
 def pressures(result):
     """The least and the greatest on the lid."""
-    p = result.system.contacts[-1].forces.split_traction(result.system.state)[0]
+    p = result.system.contact_terms[-1].forces.split_traction(result.system.state)[0]
     return COMM.allreduce(p.min(initial=np.inf), op=MPI.MIN), COMM.allreduce(p.max(initial=0.0), op=MPI.MAX)
 
 
@@ -77,7 +77,7 @@ def test_a_run_is_resumed_over_the_joint(tmp_path):
 @pytest.mark.serial
 def test_the_tangent_is_exact_over_the_joint():
     system = columns(friction=0.3, aside=0.3).system
-    contact, state = system.contacts[-1], system.state
+    contact, state = system.contact_terms[-1], system.state
     state.u.x.array[:] += 1e-6 * np.random.default_rng(3).uniform(-1, 1, len(state.u.x.array))
     system.foresight.resample(state)
     assert (contact.places.samples.ends[2][:, 1] >= 0).sum() > (contact.places.ends[2][:, 1] >= 0).sum()

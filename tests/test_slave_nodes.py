@@ -59,7 +59,7 @@ def test_nodes_on_planes_of_symmetry_stay_in_contact(monkeypatch):
     base = {name: value for name, value in tubes.BASE.items() if name != "processes"}
     row = tubes.tubes(**base | {"points": "nodes"})
     assert row["converged"] and row["error"] < 0.005  # 0.4 % is what Gauss points leave on this mesh
-    contact, state = found[0].system.contacts[0], found[0].system.state
+    contact, state = found[0].system.contact_terms[0], found[0].system.state
     x, pressure = contact.spots(), contact.forces.split_traction(state)[0].ravel()
     angle = np.degrees(np.arctan2(x[:, 1], x[:, 0]))
     # four slave facets cover three of the master: the pattern repeats every 15 degrees

@@ -42,7 +42,7 @@ def test_a_block_drawn_over_fifty_facets_feels_none_of_them(points):
     scene.traction("head", lambda t: np.array([0.0, 0.0, -PRESSURE * min(t / 0.1, 1.0)]))
     scene.contact("foot", "top", FRICTION, points=points, name="c")
     system = scene.system()
-    contact, state = system.contacts[0], system.state
+    contact, state = system.contact_terms[0], system.state
     stepper = Newton(LinearSolver(system, "direct"))
     found, visited = [], set()
     # pressed until t = 0.1, then drawn: at first little, for the block shears before it slides
@@ -103,7 +103,7 @@ def test_a_sample_that_misses_the_master_keeps_its_facet_while_sights_are_held()
     """Beyond a corner of its end two facets, continued, lie as near: forces jump from the nodes of one to the other's."""
     mesh, scene, _ = on_pad()
     system = scene.system()
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag("block")]
     block = np.unique(compat.cell_dofs(scene.space)[cells])
 
@@ -173,7 +173,7 @@ def pressed_and_drawn():
     scene.contact("upper_rim", "lower_rim", MU, name="c")
     result = solve(scene, steps=4)
     assert result.converged, result.verdict.reason
-    contact = result.system.contacts[0]
+    contact = result.system.contact_terms[0]
     pressure, along = contact.forces.split_traction(result.system.state)
     force = result.history[-1]
     # per reference area over reference places, so that their integral is the force

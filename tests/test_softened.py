@@ -120,7 +120,7 @@ def test_the_solution_is_that_of_the_penalties():
         law, status = contact.trial.law, contact.response(system.state).status
         return [of_all(contact.key, values) for values in (law.eps_n, law.eps_t, status)]
 
-    for one, other in zip(eased.contacts, plain.contacts, strict=True):
+    for one, other in zip(eased.contact_terms, plain.contact_terms, strict=True):
         for a, b in zip(left(eased, one), left(plain, other), strict=True):
             # the mesh of each is its own: geometry may be rounded in another order
             np.testing.assert_allclose(a, b, rtol=1e-14)
@@ -136,12 +136,12 @@ def test_a_failure_on_the_way_puts_penalties_back():
     stepper = Softened(Newton(LinearSolver(system)))
     stepper.step(system, 0.5)
     system.trail.commit()
-    before = [c.trial for c in system.contacts]
+    before = [c.trial for c in system.contact_terms]
     stepper.helps, stepper.rough.limit, stepper.stepper.limit = True, 1, 1
     with pytest.raises(StepFailed):
         stepper.step(system, 1.0)
     system.trail.rollback()
-    assert all(contact.trial is trial for contact, trial in zip(system.contacts, before, strict=True))
+    assert all(contact.trial is trial for contact, trial in zip(system.contact_terms, before, strict=True))
 
 
 def test_a_step_that_softer_penalties_fail_in_is_solved_without_them():
@@ -149,7 +149,7 @@ def test_a_step_that_softer_penalties_fail_in_is_solved_without_them():
     stepper = Softened(Newton(LinearSolver(system)))
     stepper.step(system, 0.5)
     system.trail.commit()
-    laws = [c.trial.law for c in system.contacts]
+    laws = [c.trial.law for c in system.contact_terms]
     stepper.helps, stepper.rough.limit = True, 1
     assert stepper.step(system, 1.0).raises == 0
-    assert all(contact.trial.law is law for contact, law in zip(system.contacts, laws, strict=True))
+    assert all(contact.trial.law is law for contact, law in zip(system.contact_terms, laws, strict=True))

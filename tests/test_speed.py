@@ -91,7 +91,7 @@ def two_rough_blocks():
 @pytest.mark.parallel
 def test_counts_of_two_blocks(monkeypatch):
     system, states = two_rough_blocks(), []
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     pairing = contact.places.sights.pairing
     project, seek = pairing.project, pairing.seek
     searched = []
@@ -154,7 +154,7 @@ def test_modes_that_fade_where_penalties_hold(monkeypatch):
 @pytest.mark.serial
 def test_history_takes_32_bytes_per_point():
     """Anchor and slip path: what a step cut back must restore."""
-    history = rough_punch().contacts[0].accepted.history
+    history = rough_punch().contact_terms[0].accepted.history
     assert (history.anchors[0].nbytes + history.slip_path.nbytes) / history.met.size == 32
 
 

@@ -262,7 +262,7 @@ def test_springs_that_are_too_soft_to_solve_with_become_stiffer():
     stepper = Stumbling(system)
     report = Following(stepper).step(system, 1.0)
     assert stepper.calls == report.augmentations + 2  # the first solve, and the one that failed
-    contact = system.contacts[0]
+    contact = system.contact_terms[0]
     np.testing.assert_allclose(contact.forces.measures(system.state)["force"][2], 0.08, rtol=2e-7)
 
 
@@ -288,7 +288,7 @@ def test_what_is_drawn_in_contact_touches_and_does_not_pull(points):
     else:
         scene = block(far, 0.3)
         system, above = scene.system(None, None), -1.0
-    contact, u = system.contacts[0], system.state.u.x.array.reshape(-1, 3)
+    contact, u = system.contact_terms[0], system.state.u.x.array.reshape(-1, 3)
     drawn = contact.response(system.state)
     u[scene.space.tabulate_dof_coordinates()[:, 2] > above + 0.5 * far, 2] += far
     opened = contact.response(system.state)

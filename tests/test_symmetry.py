@@ -167,7 +167,7 @@ def test_a_round_side_goes_on_across_its_planes_of_symmetry(slave, master, aroun
     scene.fix("inner_inside", "z")
     scene.fix("outer_outside")
     scene.contact(slave, master, 0.2, name="c")
-    contact = build(scene).system.contacts[0]
+    contact = build(scene).system.contact_terms[0]
     places, X = contact.places.around, contact.places.skin.X
     z = X[places.corners][..., 2]
     np.testing.assert_array_equal(places.tips, np.isclose(z, 0.0) | np.isclose(z, 3.0))

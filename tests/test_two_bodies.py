@@ -60,7 +60,7 @@ def stacked(points, penalty, lower, upper):
     scene.contact("upper_bottom", "lower_top", penalty=penalty, points=points, name="c")
     result = solve(scene, steps=2)
     assert result.converged
-    pressure = result.system.contacts[0].forces.split_traction(result.system.state)[0]
+    pressure = result.system.contact_terms[0].forces.split_traction(result.system.state)[0]
     return result.history[-1]["c_force_z_N"], np.ptp(pressure) / pressure.mean()
 
 
@@ -111,7 +111,7 @@ def deformed(points, friction, shift):
 def roughened(mesh, scene, size, shift):
     """The System and contact of a scene of a lower and an upper body; size: of the roughness [mm]."""
     system = scene.system()
-    state, contact = system.state, system.contacts[0]
+    state, contact = system.state, system.contact_terms[0]
     cells = mesh.cell_tags.indices[mesh.cell_tags.values == mesh.volume_tag("upper")]
     upper = np.unique(compat.cell_dofs(scene.space)[cells])
     u = size * np.random.default_rng(1).uniform(-1, 1, (len(state.u.x.array) // 3, 3))
@@ -209,7 +209,7 @@ def test_a_stuck_pair_turned_by_its_supports_keeps_its_tractions():
     for last in (4, 5, 11, 24):  # states after holding, one step, a third of a turn, the whole turn
         result = solve(scene, steps=times[:last], method=Method(tolerance=1e-10))
         assert result.converged and result.verdict.cuts == 0
-        contact = result.system.contacts[0]
+        contact = result.system.contact_terms[0]
         response = contact.response(result.system.state)
         found.append((np.linalg.norm(response.traction, axis=2), response.status, response.gap))
     size, status, gap = found[0]
@@ -366,9 +366,9 @@ def test_what_has_opened_wide_has_not_slid_off(points):
         Stage("beside", prescribe={("upper_top", "x"): 80.0}, steps=1),
     ]
     lifted = solve(scene, stages=stages[:2]).require().system
-    assert lifted.contacts[0].findings.trouble(lifted.state) is None
+    assert lifted.contact_terms[0].findings.trouble(lifted.state) is None
     beside = solve(scene, stages=stages).require().system
-    assert "has no partner on 'lower_top' any more" in beside.contacts[0].findings.trouble(beside.state).reason
+    assert "has no partner on 'lower_top' any more" in beside.contact_terms[0].findings.trouble(beside.state).reason
 
 
 @pytest.mark.parametrize("points", ["averages", "nodes", 3])

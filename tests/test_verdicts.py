@@ -764,7 +764,7 @@ def test_friction_alone_holds_no_body_that_a_hub_leads():
     scene.contact("upper_bottom", "lower_top", 0.1, name="c")
     way = lambda t: (6.0 * max(2.0 * t - 1.0, 0.0), 0.0, -1.0 * min(2.0 * t, 1.0))  # noqa: E731
     system = solve(scene, move={below: (0, 0, 0), above: way}, steps=6).require().system
-    taken, most = system.comm.allreduce(np.array(system.contacts[0].forces.grip(system.state)))
+    taken, most = system.comm.allreduce(np.array(system.contact_terms[0].forces.grip(system.state)))
     assert taken > 0.99 * most  # all of it slides
     assert sliding(system) is None
     assert sliding(system, MOSTLY) is None  # nor where nothing else explains a failure

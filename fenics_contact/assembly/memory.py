@@ -105,7 +105,7 @@ class Memory:
             except ValueError:  # it has other points
                 values = {}
             kept.append(own | values)
-            left += [term.name] if not values and term in system.contacts else []
+            left += [term.name] if not values and term in system.contact_terms else []
         system.scales.resume(*comm.bcast(arrays and [arrays["force_scale"], arrays["stiffness"]]))
         system.trail.resume(q, 0.0, kept)
         system.assemble_residual()

@@ -40,8 +40,8 @@ class System:
     judge their points on the way.
 
     space: vector space of u; terms: the first one is the solid, whose cells couple its dofs and whose laws are the bodies'
-    materials; holds: Holds, whose supports and contacts are the System's; driven: ToolMotion of the tools, and set_loads(t),
-    which puts the loads of parameter t into the forms;
+    materials; holds: Holds, whose supports and contacts are the System's: supports, contact_terms; driven: ToolMotion of the
+    tools, and set_loads(t), which puts the loads of parameter t into the forms;
     check(least=0.0): None, or the Finding that names the place where J is no more than `least`; grounding, damping: those of
     the terms that are, or None; bulk_over_shear: the largest of the bodies, what slows an iterative solver.
     """
@@ -57,12 +57,14 @@ class System:
     ) -> None:
         tools, set_loads = driven
         self.state, self.terms, self.tools, self.stages = state, terms, tools, tools.stages
-        self.holds, self.supports, self.contacts = holds, holds.supports, holds.contacts
+        self.holds, self.supports, self.contact_terms = holds, holds.supports, holds.contacts
         self.set_loads, self.check, self.timers = set_loads, check, timers
         self.bulk_over_shear: float = max(law.bulk_modulus / law.shear_modulus for law in terms[0].laws)
         self.bodies = holds.bodies  # (name, local nodes) of each group of bonded bodies
         self.fluids = [term for term in terms if isinstance(term, FluidTerm)]
-        self.augmented = [contact for contact in self.contacts if contact.penetration is not None]  # those with multipliers
+        self.augmented = [
+            contact for contact in self.contact_terms if contact.penetration is not None
+        ]  # those with multipliers
         self.springs = [term for term in terms if isinstance(term, SpringTerm)]
         self.grounding = next((term for term in terms if isinstance(term, Grounding)), None)
         self.damping = next((term for term in terms if isinstance(term, Damping)), None)
@@ -80,11 +82,11 @@ class System:
         self.border = Border(len(tools), len(state.u.x.array)) if len(tools) else None
         self.tool_residual: Floats = np.zeros((len(tools), 6))
         self.extent = bodies_size(self.space)
-        far = farthest(self.space) if self.contacts else self.extent
+        far = farthest(self.space) if self.contact_terms else self.extent
         self.scales = Scales(self.vector, self.extent, max(far, tools.reach))
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
-        self.foresight = Foresight(self.contacts)
+        self.foresight = Foresight(self.contact_terms)
         self.acceptance = Acceptance(state, terms, check, holds, self.scales, self.grounding)
 
     # -- a step -------------------------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ class Images:
         self._repeats = Repeats(system, self._pairs)
         images = self._repeats.images
         self._drawn = []  # of each contact and image (images, ne, nq): whether points lay in the master from the start
-        for contact in system.contacts:
+        for contact in system.contact_terms:
             at = self._repeats.feet[contact.name]
             own = max(system.comm.allgather(_depths(contact, at, HERE).max(initial=0.0)))
             allowed = own + INSIDE * contact.surface.cell_height
@@ -51,11 +51,11 @@ class Images:
         remarks = {f"tools {', '.join(names)}": remark for names, remark in moved.items()}
         state, images = system.state, self._pairs.images(system.state.t)
         pressed = np.zeros(len(state.u.x.array) // 3)
-        feet = [contact.places.feet(state) for contact in system.contacts]
-        own = [_depths(contact, at, HERE) for contact, at in zip(system.contacts, feet, strict=True)]
-        for contact, depth in zip(system.contacts, own, strict=True):
+        feet = [contact.places.feet(state) for contact in system.contact_terms]
+        own = [_depths(contact, at, HERE) for contact, at in zip(system.contact_terms, feet, strict=True)]
+        for contact, depth in zip(system.contact_terms, own, strict=True):
             np.maximum.at(pressed, contact.surface.nodes, depth.max(axis=1, initial=0.0)[:, None])
-        for contact, at, depth, drawn in zip(system.contacts, feet, own, self._drawn, strict=True):
+        for contact, at, depth, drawn in zip(system.contact_terms, feet, own, self._drawn, strict=True):
             s, there = contact.surface, np.array([_depths(contact, at, image) for image in images])
             # what presses one face of a pair presses the other
             inner = np.einsum("eqk,ek->eq", s.a, ~self._pairs.on_faces[s.nodes]) > 0.0

@@ -95,7 +95,7 @@ class Overlaps:
         """Which bodies (n, bodies) this process's nodes have a contact with that keeps them out. Collective."""
         system, numbers = self._system, range(len(self._system.bodies))
         mine, held = self._body[self._outer], np.zeros((len(self._outer), len(numbers)), dtype=bool)
-        for contact in system.contacts:
+        for contact in system.contact_terms:
             touched = [i for i in numbers if contact in system.holds.contacts_of(i)]
             slaves = system.comm.allgather(np.isin(touched, self._body[contact.surface.nodes]))
             # one whose bodies all have slaves can hold one of them out of itself
@@ -121,7 +121,7 @@ class Overlaps:
         system, images = self._system, len(self._nodes) - self._count
         if not images:
             return np.zeros(self._count, dtype=bool)
-        tools = [contact for contact in system.contacts if contact.partner.grounded]
+        tools = [contact for contact in system.contact_terms if contact.partner.grounded]
         held = np.concatenate(system.comm.allgather(pressed(system.space, tools)[self._outer]))
         return np.append(np.zeros_like(held), np.tile(held, images // self._count))
 
@@ -180,7 +180,9 @@ def deepest_start(system: System, contact: ContactTerm, least: float) -> tuple[f
 def drawn_through(system: System) -> tuple[str, str] | None:
     """A body that some contact is to keep out of itself, and a place where it was drawn through itself, by more than DEEP of
     a cell: what then lies behind a slave's facet cannot be told from the other side of a wall. Collective."""
-    if not any(isinstance(contact.places, PlacesOnFacets) and contact.places.meets_itself for contact in system.contacts):
+    if not any(
+        isinstance(contact.places, PlacesOnFacets) and contact.places.meets_itself for contact in system.contact_terms
+    ):
         return None
     space, body, cells = system.space, _body_of(system), _cells(system)
     X, outer = space.tabulate_dof_coordinates(), _outer(system)

@@ -42,10 +42,10 @@ class Repeats:
     def __init__(self, system: System, pairs: Pairs) -> None:
         self._system, self._pairs = system, pairs
         self._rest = State(compat.Function(system.space), np.zeros_like(system.state.q), system.tools.poses())
-        self.feet = {contact.name: contact.places.first_feet(self._rest) for contact in system.contacts}
+        self.feet = {contact.name: contact.places.first_feet(self._rest) for contact in system.contact_terms}
         self.images, self._X = pairs.images(0.0), system.space.tabulate_dof_coordinates()
         self.links: list[tuple[ContactTerm, ContactTerm, list[int]]] = []
-        tools = [contact for contact in system.contacts if contact.partner.grounded]
+        tools = [contact for contact in system.contact_terms if contact.partner.grounded]
         for one in tools:
             own = [k for k, image in enumerate(self.images) if self._itself(one, image)]
             self.links.append((one, one, own))

@@ -127,20 +127,20 @@ class EnergyBalance:
         self._before: tuple[_Forces, Floats] | None = None  # the state before, and what was left from it to the last
         self._keys: dict[str, Ints64] = {}
         # of what pressures left, by contact, and of the error, over all pairs of steps: in the two; in one as long
-        self._of_pairs = np.zeros((2, len(system.contacts) + 1))
+        self._of_pairs = np.zeros((2, len(system.contact_terms) + 1))
 
     def _at_start(self) -> Energies:
         """What bodies and penalties hold already counts as work done on them, but that of bodies drawn overlapping."""
-        rough = [contact.name for contact in self._system.contacts if contact.rough]
+        rough = [contact.name for contact in self._system.contact_terms if contact.rough]
         strain, stored = self._system.strain_energy(), 0.0 if self._as_drawn else self._stored()
-        pressures = {contact.name: 0.0 for contact in self._system.contacts}
+        pressures = {contact.name: 0.0 for contact in self._system.contact_terms}
         done = strain + stored
         return Energies(done, strain, stored, dict.fromkeys(rough, 0.0), pressures=pressures, done=done)
 
     def _stored(self) -> float:
         """Energy in all penalties. Collective."""
         system = self._system
-        return float(system.comm.allreduce(sum(contact.forces.stored(system.state) for contact in system.contacts)))
+        return float(system.comm.allreduce(sum(contact.forces.stored(system.state) for contact in system.contact_terms)))
 
     @property
     def growth(self) -> dict[str, float]:
@@ -271,8 +271,8 @@ class EnergyBalance:
             *self._swelling(),
             system.strain_energy(),
             self._stored(),
-            {contact.name: _Rubbing.of(contact, state) for contact in system.contacts if contact.rough},
-            {contact.name: _Pressing.of(contact, system) for contact in system.contacts},
+            {contact.name: _Rubbing.of(contact, state) for contact in system.contact_terms if contact.rough},
+            {contact.name: _Pressing.of(contact, system) for contact in system.contact_terms},
         )
 
     def _swelling(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -295,7 +295,7 @@ class EnergyBalance:
             self._keys = dict.fromkeys(
                 ["u", "forces", "ratios", "rates", *(f"presses {name}" for name in last.pressing)], nodes
             )
-            points = {contact.name: contact.key for contact in self._system.contacts}
+            points = {contact.name: contact.key for contact in self._system.contact_terms}
             self._keys |= {f"{what} {name}": points[name] for name in last.rubbing for what in ("limit", "share", "way")}
         return self._keys
 

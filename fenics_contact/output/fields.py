@@ -185,7 +185,7 @@ class Fields:
 def surfaces_of(scene: Scene, system: System) -> list[SlaveNodes]:
     """The slave surfaces of a scene's contacts."""
     slaves = [scene.mesh.facets(*stated.slave) for stated in scene.contacts]
-    pairs = zip(system.contacts, slaves, strict=True)
+    pairs = zip(system.contact_terms, slaves, strict=True)
     return [SlaveNodes(system, contact, facets, scene.section) for contact, facets in pairs]
 
 

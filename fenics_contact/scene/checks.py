@@ -319,7 +319,7 @@ def bonded_bodies(scene: "Scene", supports: Supports, parts: tuple[Ints64, int])
 
 def refuse_behind(system: System) -> None:
     """The slave surface must lie on the outer side of a meshed tool, by the majority of its points. Collective."""
-    for contact in system.contacts:
+    for contact in system.contact_terms:
         share = contact.places.back_share(system.state)
         if share > 0.5:
             way = "its facets must be counter-clockwise seen from the body: use rigid_surface(..., flip=True)"
@@ -343,7 +343,7 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
             "must not overlap at the start; draw it apart"
         )
     X, remarks, overlaps = scene.space.tabulate_dof_coordinates(), list[str](), list[str]()
-    for contact, statement in zip(system.contacts, scene.contacts, strict=True):
+    for contact, statement in zip(system.contact_terms, scene.contacts, strict=True):
         slave = np.zeros(len(X), dtype=bool)
         slave[compat.locate_blocks(scene.space, scene.mesh.facets(*statement.slave))] = True
         depths = np.array(contact.places.overlap(system.state, X, slave, [nodes for _, nodes in system.bodies]))
@@ -381,7 +381,7 @@ def refuse_deep_start(scene: "Scene", system: System) -> tuple[list[str], list[s
 def refuse_held(scene: "Scene", system: System) -> None:
     """A contact must be able to move something along its normals: its slave, or a master that is a body. Collective."""
     comm, held = scene.mesh.comm, system.supports.dofs
-    for contact, statement in zip(system.contacts, scene.contacts, strict=True):
+    for contact, statement in zip(system.contact_terms, scene.contacts, strict=True):
         gives = not contact.led.fixed(system.state).all()
         gives |= contact.partner.gives(held)
         if not comm.allreduce(int(gives)):

@@ -79,7 +79,7 @@ def _frictions(scene: "Scene") -> list[str]:
 
 def _penalties(system: System) -> list[str]:
     """Of penalties far from the stiffness of the bodies. Collective."""
-    found = [(contact.name, contact.findings.misstated(system.state)) for contact in system.contacts]
+    found = [(contact.name, contact.findings.misstated(system.state)) for contact in system.contact_terms]
     return [f"contact '{name}': {one.reason}; {one.remedy}" for name, one in found if one]
 
 
@@ -166,7 +166,7 @@ def _across(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequ
 def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Sequence[StatedLoad]) -> list[str]:
     """Of loads on surfaces, and forces on tools, that no body of such a stiffness bears. Collective."""
     modulus, stages, found = max(young(body.material) for body in scene.bodies), system.stages, dict[str, float]()
-    area = {one.name: system.comm.allreduce(float(one.surface.area.sum())) for one in system.contacts}
+    area = {one.name: system.comm.allreduce(float(one.surface.area.sum())) for one in system.contact_terms}
     for i, stage in enumerate(stated):
         if stage.method == ARC_LENGTH:  # which ends at a share of a load that has no meaning of its own
             continue
@@ -176,7 +176,7 @@ def _heavy(scene: "Scene", system: System, stated: Sequence[Stage], loads: Seque
                 name = called(load.word, load.group)
                 found[name] = max(found.get(name, 0.0), np.abs(whole(load.path, t)).max() / load.over)
             for tool, force in zip(system.tools.names, system.tools.forces(t), strict=True):
-                over = sum(area[one.name] for one in system.contacts if one.master_name == tool)
+                over = sum(area[one.name] for one in system.contact_terms if one.master_name == tool)
                 if over > 0.0:
                     name = f"the push of tool '{tool}' over all of its contacts' area"
                     found[name] = max(found.get(name, 0.0), np.abs(force[:3]).max() / over)
@@ -250,7 +250,7 @@ def _slits(scene: "Scene") -> list[str]:
 
 def _tiny(scene: "Scene", system: System) -> list[str]:
     """What is to be said of meshed tools that are smaller than a cell of what they are to press."""
-    heights, notes = {contact.name: contact.surface.cell_height for contact in system.contacts}, []
+    heights, notes = {contact.name: contact.surface.cell_height for contact in system.contact_terms}, []
     for one in scene.contacts:
         if isinstance(one.master, MeshedTool) and (size := np.ptp(one.master.X, axis=0).max()) < heights[one.name]:
             notes.append(

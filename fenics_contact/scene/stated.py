@@ -40,7 +40,7 @@ def parts_of(scene: "Scene", system: System) -> Statement:
     for tool, point in zip(scene.tools, system.tools.points, strict=True):
         out |= {f"tool '{tool.name}', {key}": plain(value) for key, value in vars(tool).items()}
         out[f"tool '{tool.name}', reference point"] = plain(point)
-    for one, term in zip(scene.contacts, system.contacts, strict=True):
+    for one, term in zip(scene.contacts, system.contact_terms, strict=True):
         parts = vars(one) | {f"penalty {key}": value for key, value in vars(one.penalty).items()}
         del parts["penalty"]
         parts |= {"master": term.master_name, "slave points": system.comm.allreduce(term.surface.count)}

@@ -151,7 +151,7 @@ def tilting(scene: "Scene", system: System, stages: int) -> list[str]:
     """What is to be said of tools on planes of symmetry that may turn about axes in these, in any of so many stages.
     Collective."""
     found, comm = dict[str, None](), system.comm
-    for contact, plane in product(system.contacts, planes_of(scene, system.supports)):
+    for contact, plane in product(system.contact_terms, planes_of(scene, system.supports)):
         if not contact.partner.grounded:
             continue
         on = bool(np.isin(plane.nodes, contact.surface.nodes).any())
@@ -189,7 +189,7 @@ class Symmetry:
         """By contact and plane, whether an analytic tool is symmetric about it before anything has moved. Collective."""
         system, out = self._system, dict[tuple[str, str], bool]()
         rest, poses = np.zeros_like(system.state.q), system.tools.poses()
-        for contact, plane in product(system.contacts, self._mirrors):
+        for contact, plane in product(system.contact_terms, self._mirrors):
             if isinstance(places := contact.places, RigidPlaces):
                 pose = poses.at(places.index, rest[places.index])
                 off = max(system.comm.allgather(_unlike(plane, self._X[contact.surface.nodes.ravel()], places, pose)))
@@ -202,7 +202,7 @@ class Symmetry:
         for plane in self._planes:
             if remark := self._beyond(plane, x):
                 found[f"beyond {plane.name}"] = remark
-        for contact in system.contacts if self._planes else ():
+        for contact in system.contact_terms if self._planes else ():
             if not contact.partner.grounded:
                 continue
             # how far (n, 3) what the tool has at the nodes has come from where it was at the start

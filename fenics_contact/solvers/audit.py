@@ -70,9 +70,9 @@ def audit(system: System, residuals: Sequence[float] = ()) -> Audit:
     """
     system.trail.rollback()
     move = _move(system)
-    others = [term for term in system.terms if term not in system.contacts]
+    others = [term for term in system.terms if term not in system.contact_terms]
     blocks = [_taylor(system, term, term.name, 0, move, {}) for term in others]
-    blocks += [block for contact in system.contacts for block in _blocks(system, contact, move)]
+    blocks += [block for contact in system.contact_terms for block in _blocks(system, contact, move)]
     with system.foresight.as_accepted():
         system.assemble_residual()  # the terms' tractions are those of the state again
     return Audit(blocks, list(residuals), _order(residuals))

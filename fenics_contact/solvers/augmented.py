@@ -274,7 +274,7 @@ def raise_penalties(
     # few contacts ask for these
     found, strain, costs = {}, cache(system.strain_energy), cache(partial(penalty_costs, system, linear))
     stored, noise = (
-        {contact: contact.penalties.stored(system.state) for contact in system.contacts},
+        {contact: contact.penalties.stored(system.state) for contact in system.contact_terms},
         system.scales.noise_energy,
     )
     for contact, own in stored.items():

@@ -21,7 +21,7 @@ def rounder(system: System) -> Vary:
 
 def is_round(system: System) -> bool:
     """Whether surfaces that press differ from their facets by more than round-off. Collective."""
-    here = [np.abs(term.places.cut_off(system.state)).max(initial=0.0) for term in system.contacts]
+    here = [np.abs(term.places.cut_off(system.state)).max(initial=0.0) for term in system.contact_terms]
     return max(system.comm.allgather(max(here, default=0.0))) > ROUNDED * system.extent
 
 
@@ -29,7 +29,7 @@ def chord_error(system: System, found: Sensitivity) -> dict[str, tuple[float, fl
     """{contact: (change of its load over that, to first order, and the greatest distance [length] of round surfaces from
     the facets that press, 0 of round-off)}; of contacts without load nothing. Collective."""
     out, least = {}, least_load(system)
-    for term in system.contacts:
+    for term in system.contact_terms:
         change = found.contacts[term.name]
         off = np.where(change.pressure > 0.0, np.abs(term.places.cut_off(system.state)).ravel(), 0.0)
         most = max(system.comm.allgather(off.max(initial=0.0)))

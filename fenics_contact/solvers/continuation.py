@@ -373,10 +373,10 @@ def cause(system: System, failure: StepFailed, failures: list[StepFailed]) -> Fi
     found = diagnose(system, failure)
     if found.kind != LIMIT_POINT:
         return found
-    if not system.contacts or any(isinstance(one, OffThePath) for one in failures):
+    if not system.contact_terms or any(isinstance(one, OffThePath) for one in failures):
         return found._replace(remedy="keep the arcs shorter: ArcSteps(first=..., largest=...)")
     known, ways = failure.finding, []
-    for contact in system.contacts:
+    for contact in system.contact_terms:
         most = max(system.comm.allgather(contact.trial.law.eps_n.max(initial=0.0)))
         ways.append(f"penalty= of contact '{contact.name}' far below {most:.3g}")
     softer = f"let points open and close more smoothly: {', '.join(ways)}"

@@ -167,7 +167,7 @@ def _jumped(system: System, stepper: Stepper, goal: float, failure: StepFailed) 
     """The report of damped motion to the next state of rest, or None, and where it was asked for, why; not asked for, it may
     go by less than a cell, as a point does that jumps to where it sticks. Collective."""
     known, asked = failure.finding, system.damped
-    farthest = math.inf if asked else max(contact.surface.cell_height for contact in system.contacts)
+    farthest = math.inf if asked else max(contact.surface.cell_height for contact in system.contact_terms)
     try:
         report = jump(system, goal, stepper, farthest)
     except StepFailed as restless:
@@ -206,7 +206,7 @@ def _turned(system: System, target: float, size: float) -> tuple[float, dict[str
     goal = _goal(t, target, size)
     turns = system.tools.turns(t, goal)
     carries = system.comm.allreduce(np.array([len(ties.of(i)) for i in range(len(turns))], dtype=np.int64)) > 0
-    carries &= bool(system.contacts)
+    carries &= bool(system.contact_terms)
     shares = turns / np.where(carries, CARRYING, WIDEST)
     if not shares.max(initial=0.0) > 1.0:
         return goal, {}

@@ -72,7 +72,7 @@ class Corrections:
         if not whole:
             self._secants.forget()
         worth, gain = self._worth(self._system.foresight.foretells)
-        if not self._system.contacts or self._system.condensed:
+        if not self._system.contact_terms or self._system.condensed:
             worth = 0.0
         goal = self._tolerance if size <= self._tolerance else BELOW * self._tolerance
         return self._go_on(before, size, goal, worth, gain)

@@ -76,7 +76,7 @@ class StatusWatch:
         place = ", ".join(f"contact '{point[0]}' at {spot(point[1:])}" for point in points[:3])
         text = f"the status of {len(points)} point{'s' * (len(points) > 1)} repeats every {period} iterations"
         ours = {point[0] for point in points}
-        return Finding(CYCLING, text, place, _calmer([term for term in self.system.contacts if term.name in ours]))
+        return Finding(CYCLING, text, place, _calmer([term for term in self.system.contact_terms if term.name in ours]))
 
 
 def _calmer(contacts: Sequence[ContactTerm]) -> str:

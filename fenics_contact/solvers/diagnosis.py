@@ -63,7 +63,9 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     rolled_back(system)
     if known.kind in CERTAIN:
         return known
-    if stated := next((found for contact in system.contacts if (found := contact.findings.misstated(system.state))), None):
+    if stated := next(
+        (found for contact in system.contact_terms if (found := contact.findings.misstated(system.state))), None
+    ):
         return stated._replace(reason=f"{stated.reason}; {known.reason}")
     if worst := system.check(CRUSHING):  # whatever failed last
         return worst
@@ -122,15 +124,17 @@ def _unbalanced(system: System) -> str:
 def in_corner(system: System, failure: StepFailed) -> bool:
     """Whether most of what a step leaves out of balance is at a point in an inner corner of a tool: call at the failing
     iterate. Collective."""
-    if failure.finding.kind not in (UNKNOWN, CYCLING) or not system.contacts:
+    if failure.finding.kind not in (UNKNOWN, CYCLING) or not system.contact_terms:
         return False
     found = system.longest(system.residual_vector.array_r)
-    return found is not None and any(contact.findings.cornered(system.state, found.place) for contact in system.contacts)
+    return found is not None and any(
+        contact.findings.cornered(system.state, found.place) for contact in system.contact_terms
+    )
 
 
 def _cornered(system: System, known: Finding) -> Finding | None:
     """A finding if a point lies in an inner corner of a tool: it jumps between what holds it there. Collective."""
-    for contact in system.contacts:
+    for contact in system.contact_terms:
         if corner := contact.findings.cornered(system.state):
             return corner._replace(kind=known.kind, reason=f"{known.reason}; {corner.reason}")
     return None
@@ -141,7 +145,9 @@ def _unexplained(system: System, known: Finding, inverted: Finding | None, goal:
     reason, place, ways = known.reason, inverted.place if inverted else known.place, [known.remedy] if known.remedy else []
     if inverted:
         reason = f"on its way to balance {inverted.reason}, which the path itself does not ask for"
-    if edge := next((found for contact in system.contacts if (found := contact.findings.pressing_edge(system.state))), None):
+    if edge := next(
+        (found for contact in system.contact_terms if (found := contact.findings.pressing_edge(system.state))), None
+    ):
         reason, place, ways = f"{reason}; {edge.reason}", f"{edge.place}, {place}", [edge.remedy, *ways]
     if not ways and goal is not None and goal - system.trail.last.t > LONG:
         ways = ["take more steps, or allow shorter ones (Method(smallest_step=...))"]
@@ -189,7 +195,7 @@ def _snaps_off(system: System, place: str) -> Finding | None:
     if len(system.trail.accepted) < 2 or system.holds.reliant or system.vector.getSize() > LARGEST:
         return None
     least = FADED * system.scales.accepted
-    faint = [c for c in system.contacts if f"'{c.name}'" in place and not c.forces.holding(system.state, least)]
+    faint = [c for c in system.contact_terms if f"'{c.name}'" in place and not c.forces.holding(system.state, least)]
     if not faint:
         return None
     system.assemble_residual()
@@ -224,7 +230,7 @@ def _lifted(system: System, goal: float | None) -> Finding | None:
     then, before = system.tools.forces(goal), [system.tools.forces(t) for _, _, t in system.trail.accepted]
     for i in np.flatnonzero(system.tools.free.any(axis=1)):
         name, free = system.tools.names[i], system.tools.free[i]
-        met = any(contact.trial.history.met.any() for contact in system.contacts if contact.master_name == name)
+        met = any(contact.trial.history.met.any() for contact in system.contact_terms if contact.master_name == name)
         reversed_ = all(forces[i, free] @ then[i, free] <= 0.0 for forces in before) and any(f[i].any() for f in before)
         if reversed_ and system.comm.allreduce(int(met)):
             text = f"the force on it draws tool '{name}' off the body, and contact cannot hold it back: there is no balance"
@@ -238,12 +244,12 @@ def _pressed_apart(system: System) -> Finding | None:
     apart in one go, which is no small change. Collective."""
     if len(system.trail.accepted) > 1 or system.scales.moved > 0.0:
         return None
-    return next((found for contact in system.contacts if (found := contact.findings.drawn_inside(system.state))), None)
+    return next((found for contact in system.contact_terms if (found := contact.findings.drawn_inside(system.state))), None)
 
 
 def _on_few_points(system: System) -> Finding | None:
     """A finding if a pushed tool rests on so few points that it slides off them, with springs and all. Collective."""
-    for contact in system.contacts:
+    for contact in system.contact_terms:
         if contact.master_name not in system.tools.names:
             continue
         tool = system.tools.names.index(contact.master_name)
@@ -257,7 +263,7 @@ def _on_few_points(system: System) -> Finding | None:
 
 def _touched(system: System) -> bool:
     """Whether every pushed tool touches a body in the accepted state, or something does that is tied to it. Collective."""
-    tools, met = system.tools, {contact.master_name for contact in system.contacts if closed(system, contact)}
+    tools, met = system.tools, {contact.master_name for contact in system.contact_terms if closed(system, contact)}
     for i in np.flatnonzero(tools.free.any(axis=1)):
         tied = system.supports.ties.of(i)
         of_body = [system.comm.allreduce(int(np.isin(nodes, tied).any())) for _, nodes in system.bodies]

@@ -26,7 +26,7 @@ class BetweenNodes(NamedTuple):
 def between_nodes(system: System) -> BetweenNodes | None:
     """None where all there is between nodes rubs as they do, but for what no force feels. Collective."""
     found, some = BetweenNodes({}, {}), False
-    for term in system.contacts:
+    for term in system.contact_terms:
         more, sizes = term.findings.between_nodes(system.state)
         first = foremost(system.comm, sizes, term.spots())
         found.more[term.name], found.place[term.name] = more, first.place.tolist() if first else []
@@ -49,7 +49,7 @@ def friction_error(system: System, between: BetweenNodes, found: Sensitivity) ->
     """{contact: (change of its load over that, to first order, and the place as of BetweenNodes)}; of contacts without
     load or friction nothing. Collective."""
     out, least = {}, least_load(system)
-    for term in system.contacts:
+    for term in system.contact_terms:
         change = found.contacts[term.name]
         if term.rough and change.load > least:
             out[term.name] = change.to_load / change.load, between.place[term.name]

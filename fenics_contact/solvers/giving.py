@@ -29,7 +29,7 @@ def gives(system: System, linear: LinearSolver, u: Floats, softer: Iterable[Bloc
     with system.as_accepted():
         try:
             if here:
-                trials: Trials = {term: term.penalties.stiffened(state, 1.0) for term in system.contacts}
+                trials: Trials = {term: term.penalties.stiffened(state, 1.0) for term in system.contact_terms}
                 system.assemble_residual(trials=trials)
                 system.assemble_tangent(trials=trials, more=softer)
             else:

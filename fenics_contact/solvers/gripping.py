@@ -35,7 +35,7 @@ def first_solve(system: System, linear: LinearSolver, du: Floats, dq: Floats, to
     if (increment := _let_go(system, linear, (du, dq), tolerance)) is not None:
         return increment
     state = system.state
-    rough = [contact for contact in system.contacts if contact.rough]
+    rough = [contact for contact in system.contact_terms if contact.rough]
     rubbing = _rubbing(system, rough) if rough else None
     if rubbing is None:
         return solve_once(system, linear, du, dq, tolerance)
@@ -83,7 +83,7 @@ def _idle(system: System) -> dict[ContactTerm, Bools]:
     """{contact: which points (n,) of it touch and carry no more than rounding}, of those where none carries more; {} too
     where some body, or tool that has a force on it, may be held by nothing else. Collective."""
     state, found, bears = system.state, {}, set()
-    for contact in system.contacts:
+    for contact in system.contact_terms:
         idle, loaded = contact.forces.idle(state)
         touches, carries = system.comm.allreduce(np.array([idle.any(), loaded.any()], dtype=int))
         if carries:

@@ -128,7 +128,7 @@ def _loaded(system: System) -> set[int]:
         system.assemble_tangent()
     forces, tools, sizes = np.zeros_like(system.state.u.x.array.reshape(-1, 3)), np.zeros_like(system.tool_residual), 0.0
     for term in system.terms:
-        if term not in system.contacts and term is not system.grounding:
+        if term not in system.contact_terms and term is not system.grounding:
             mine = np.zeros_like(system.state.u.x.array)
             term.add_residual(system.state, mine, tools)
             forces += mine.reshape(-1, 3)  # nodes on a rank's border have a part on each, as sums over ranks take them

@@ -152,7 +152,7 @@ def contacts_of(system: System, names: set[str]) -> list[ContactTerm]:
     """Contacts of bodies and tools of these names."""
     bodies = [i for i, (name, _) in enumerate(system.bodies) if name in names]
     touching = [contact for i in bodies for contact in system.holds.contacts_of(i)]
-    return [contact for contact in system.contacts if contact in touching or contact.master_name in names]
+    return [contact for contact in system.contact_terms if contact in touching or contact.master_name in names]
 
 
 def lowest(energy: Floats, weight: Floats) -> tuple[Floats, Floats]:
@@ -266,7 +266,7 @@ def slipping_away(system: System) -> Finding | None:
 def _gripping(system: System, share: float) -> tuple[list[ContactTerm], dict[ContactTerm, Floats]]:
     """Closed contacts with friction, and {contact: (friction taken, the most of it)} of those that take more than a share of
     it. Collective."""
-    rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
+    rough = [contact for contact in system.contact_terms if contact.rough and closed(system, contact)]
     grips = {contact: system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough}
     least = ALLOWED * system.scales.largest
     return rough, {contact: grip for contact, grip in grips.items() if grip[0] > share * grip[1] > share * least}
@@ -368,8 +368,8 @@ def _first(ways: list[str]) -> str:
 
 def pushed(system: System, motions: Motions, held: Floats) -> bool:
     """Whether loads do work on these combinations of motions, and not only contacts on one another. Collective."""
-    shares = [_works(system, [contact], motions) @ held for contact in system.contacts]
-    loads = _works(system, [term for term in system.terms if term not in system.contacts], motions)
+    shares = [_works(system, [contact], motions) @ held for contact in system.contact_terms]
+    loads = _works(system, [term for term in system.terms if term not in system.contact_terms], motions)
     forces = Drift(system.new_vector(), -system.tools.forces(system.state.t))
     loads = (loads + [motion.dot(forces) for _, motion, _ in motions]) @ held
     return bool((np.abs(loads) > PUSHED * np.sum(np.abs(shares), axis=0)).any())

@@ -87,7 +87,7 @@ class Newton:
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        early = bool(system.contacts) and not _cut_back(system, t)
+        early = bool(system.contact_terms) and not _cut_back(system, t)
         return self._iterate(system, (du, dq), report, Patience(SETTLING, self.limit, EARLY if early else self.limit))
 
     def settle(self, system: System, t: float) -> StepReport:

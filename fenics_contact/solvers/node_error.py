@@ -25,7 +25,7 @@ def deeper(system: System) -> Deeper | None:
     """None where no node lies deeper than what a penalty lets points sink in by, of which the penalty error tells.
     Collective."""
     depths, part = {}, np.inf
-    for term in system.contacts:
+    for term in system.contact_terms:
         depths[term.name] = by = term.findings.nodes_deeper(system.state)
         pressure, _ = term.forces.split_traction(system.state)
         here = by.max(initial=0.0), (pressure / term.trial.law.eps_n[:, None]).max(initial=0.0)
@@ -48,7 +48,7 @@ def node_error(system: System, nodes: Deeper, found: Sensitivity) -> dict[str, t
     """{contact: (change of its load over that, to first order, and how much deeper [length] than points nodes lie)}, None
     where points are nodes, of which steps have said how deep others lie; of contacts without load nothing. Collective."""
     out, least = {}, least_load(system)
-    for term in system.contacts:
+    for term in system.contact_terms:
         change, depth = found.contacts[term.name], nodes.depths[term.name].max(initial=0.0)
         if change.load > least:
             deep = float(max(system.comm.allgather(depth)))

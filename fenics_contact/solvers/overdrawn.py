@@ -16,7 +16,7 @@ def overdrawn(system: System, goal: float | None) -> Finding | None:
     """A finding if the first step, to t = goal, has no balance since friction alone would have to hold bodies or tools, and
     needs more than its law allows: were it endless, there would be a balance, and in that it is asked for too much along
     some rigid motion. The system is rolled back. Collective."""
-    rough = [contact for contact in system.contacts if contact.rough]
+    rough = [contact for contact in system.contact_terms if contact.rough]
     if goal is None or len(system.trail.accepted) > 1 or not rough:
         return None
     for contact in rough:

@@ -45,7 +45,7 @@ def penalty_error(system: System, found: Sensitivity, section: Section | None) -
     """
     out, least, adds_up = {}, least_load(system), adding_up(section)
     places = system.space.tabulate_dof_coordinates()
-    for term in system.contacts:
+    for term in system.contact_terms:
         change = found.contacts[term.name]
         highest = foremost(system.comm, change.at_nodes, places)
         peak = highest.value if highest else 0.0
@@ -68,7 +68,7 @@ def penalty_costs(system: System, linear: LinearSolver) -> dict[str, float]:
     found, least, costs = sensitivities(system, linear, [stiffer(system)]), least_load(system), dict[str, float]()
     if found is None:
         return costs
-    for term in system.contacts:
+    for term in system.contact_terms:
         change = found[0].contacts[term.name]
         most = max(float(np.linalg.norm(change.to_force)), abs(change.to_load))
         if change.load > least and _opening(system, term, change) < OPENS * most:

@@ -54,7 +54,7 @@ def sensitivities(
     tolerance: relative residual of an iterative solve; pressures: of nodes, for those who ask for them. The whole residual
     is differenced: a fluid's share goes by what the contacts press with. Collective.
     """
-    if not system.contacts:
+    if not system.contact_terms:
         return None
     with system.as_accepted():
         if (rates := _rates(system, linear, varied, tolerance)) is None:
@@ -67,7 +67,7 @@ def sensitivities(
 def _varied(system: System, vary: Vary, s: float) -> Trials:
     """Trials at a parameter s in which points press, stick and slip as at 0: where one is on its limit of friction, or about
     to open, rates of both sides are not those of one tangent. Collective."""
-    of = {term: (vary(term, s), vary(term, 0.0)) for term in system.contacts}
+    of = {term: (vary(term, s), vary(term, 0.0)) for term in system.contact_terms}
     return {term: term.multipliers.held(system.state, *trials, SLIPPING) for term, trials in of.items()}
 
 
@@ -77,7 +77,7 @@ def _along(system: System, vary: Vary, rate: tuple[Floats, Floats], pressures: P
     places = [(s, u + s * du, q + s * dq) for s in (NUDGE, 0.0, -NUDGE)]
     ahead, here, behind = (_at(system, _varied(system, vary, s), place, pressures) for s, *place in places)
     contacts = {}
-    for term, more, now, less in zip(system.contacts, ahead, here, behind, strict=True):
+    for term, more, now, less in zip(system.contact_terms, ahead, here, behind, strict=True):
         to_force, to_pressure, to_nodes = ((a - b) / (2.0 * NUDGE) for a, b in zip(more, less, strict=True))
         area, (_, pressure, at_nodes) = term.surface.area.ravel(), now
         load, to_load = system.comm.allreduce(np.array([pressure @ area, to_pressure @ area]))
@@ -93,7 +93,9 @@ def _at(
     state, own = system.state, (system.state.u.x.array.copy(), system.state.q.copy())
     state.u.x.array[:], state.q[:] = place
     with system.foresight.trying(trials):
-        found = [(*term.forces.resultants(state), pressures(term) if pressures else np.empty(0)) for term in system.contacts]
+        found = [
+            (*term.forces.resultants(state), pressures(term) if pressures else np.empty(0)) for term in system.contact_terms
+        ]
     state.u.x.array[:], state.q[:] = own
     return found
 
@@ -115,7 +117,7 @@ def _rates(
         force.axpy(-1.0, less)
         force.scale(0.5 / NUDGE)
         sides.append((force, (tools - tools_less) / (2.0 * NUDGE), *system.still()))
-    here = {term: varied[0](term, 0.0) for term in system.contacts}  # the tangent of what presses, not of what is held
+    here = {term: varied[0](term, 0.0) for term in system.contact_terms}  # the tangent of what presses, not of what is held
     system.assemble_residual(trials=here)
     system.assemble_tangent(trials=here)
     try:

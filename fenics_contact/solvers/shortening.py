@@ -49,7 +49,7 @@ def shorten(system: System, increment: Solution, before: float, size: float, str
         share, size = 0.5 * share, shorter
     else:
         # no part lowers it, and the shortest ones would creep; kinks of contacts a whole step may pass the wrong way
-        if size > before and np.isfinite(whole) and not system.contacts:
+        if size > before and np.isfinite(whole) and not system.contact_terms:
             size = move(system, increment, share, 1.0)
     return upright(size)
 

@@ -109,7 +109,7 @@ def _snapped(system: System, goal: float, raised: bool) -> str | None:
 
 def _overlap(system: System) -> float:
     """How deep slaves lie in their masters at the accepted state [length]. Collective."""
-    gaps = [contact.response(system.state).gap.min(initial=0.0) for contact in system.contacts]
+    gaps = [contact.response(system.state).gap.min(initial=0.0) for contact in system.contact_terms]
     return -min(system.comm.allgather(min(gaps, default=0.0)))
 
 

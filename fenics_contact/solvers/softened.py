@@ -29,7 +29,7 @@ class Softened:
 
     def step(self, system: System, t: float) -> StepReport:
         """Carry the system from its committed state to t; StepFailed if it does not get there."""
-        softer = {term: part for term in system.contacts if (part := term.penalties.softness(system.state)) < 1.0}
+        softer = {term: part for term in system.contact_terms if (part := term.penalties.softness(system.state)) < 1.0}
         if self.helps and softer:
             try:
                 return self._step(system, t, softer)

@@ -111,7 +111,7 @@ def _sinking(system: System, now: float) -> Finding | None:
 
     now: what the softest motion resists.
     """
-    deep = [(contact, found) for contact in system.contacts if (found := contact.findings.deep(system.state))]
+    deep = [(contact, found) for contact in system.contact_terms if (found := contact.findings.deep(system.state))]
     if not deep:
         return None
     system.assemble_tangent(trials={contact: contact.penalties.holding_up(system.state) for contact, _ in deep})
@@ -130,7 +130,7 @@ def _loose(system: System, mode: Drift, now: float, alone: float) -> Finding | N
         remedy = "join it to the rest (fragment in the gmsh script), fix a surface of it, or close its gap to what holds it"
         remedy += "" if system.stabilised else ", also by solve(..., method=Method(stabilise=True))"
         return Finding(RIGID_MOTION, text, f"body '{name}' around {place}", remedy)
-    if not now < TOPPLES * alone or not system.contacts:
+    if not now < TOPPLES * alone or not system.contact_terms:
         return None
     return _toppling(system, mode)
 
@@ -148,14 +148,14 @@ def _toppling(system: System, mode: Drift) -> Finding | None:
 def topples_stuck(system: System) -> Finding | None:
     """A finding if bodies topple at the accepted state even if all points in contact stick: no friction holds them.
     Collective."""
-    soft = _soft(system, {c: c.trial.with_friction(GRIP) for c in system.contacts if c.rough})
+    soft = _soft(system, {c: c.trial.with_friction(GRIP) for c in system.contact_terms if c.rough})
     return _toppling(system, soft[0]) if soft and soft[1] < TOPPLES * soft[2] else None
 
 
 def topples_ahead(system: System, goal: float) -> Finding | None:
     """A finding if bodies topple at one of the first iterates of a step to `goal`, which goes far though it is short: in the
     accepted state more points touch than press once they tip, all of them before the first load. Collective."""
-    if not system.holds.reliant or not system.contacts or goal - system.trail.last.t > NEAR:
+    if not system.holds.reliant or not system.contact_terms or goal - system.trail.last.t > NEAR:
         return None
     u, q, _ = system.trail.last
     found = None

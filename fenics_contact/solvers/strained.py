@@ -23,7 +23,7 @@ def strained(system: System, energy: float, most: float) -> str | None:
     if not energy > max(KEPT * most, system.scales.noise_energy):
         return None
     least = least_load(system)
-    if any(one.partner.grounded and one.forces.holding(system.state, least) for one in system.contacts):
+    if any(one.partner.grounded and one.forces.holding(system.state, least) for one in system.contact_terms):
         return None
     u = system.state.u.x.array
     u[:] = 0.0

@@ -24,7 +24,7 @@ class FirstTouch:
     """
 
     def __init__(self, system: System) -> None:
-        self._system, self._contacts = system, [contact for contact in system.contacts if contact.rough]
+        self._system, self._contacts = system, [contact for contact in system.contact_terms if contact.rough]
         self._loads: dict[ContactTerm, float] = {}
         self._longest, self.part = 0.0, 0.5
         self._remarks: dict[str, dict[str, Remark]] = {}
@@ -87,7 +87,7 @@ class FirstTouch:
         system.supports.put(u, system.supports.held(here))
         forces, on_tools = np.zeros_like(u), np.zeros_like(system.tool_residual)
         for term in system.terms:
-            if term not in (*system.contacts, *system.springs):
+            if term not in (*system.contact_terms, *system.springs):
                 term.add_residual(system.state, forces, on_tools)
         u[:] = here
         left = system.border_vector(forces)

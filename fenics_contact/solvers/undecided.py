@@ -40,7 +40,7 @@ def undecided(system: System, told: Collection[str]) -> dict[str, str]:
     """
     if not (system.holds.reliant or system.tools.free.any()):
         return {}
-    rough = [contact for contact in system.contacts if contact.rough and closed(system, contact)]
+    rough = [contact for contact in system.contact_terms if contact.rough and closed(system, contact)]
     grips = [system.comm.allreduce(np.array(contact.forces.grip(system.state))) for contact in rough]
     least = ALLOWED * system.scales.largest
     near = [

@@ -143,7 +143,7 @@ def metrics(result: Result, error: float = float("nan"), value: float = float("n
         }
     )
     row.last = result.history[-1] if result.history else {}
-    row.smooth = tuple(contact.name for contact in result.system.contacts if not contact.rough)
+    row.smooth = tuple(contact.name for contact in result.system.contact_terms if not contact.rough)
     return row
 
 
