@@ -9,8 +9,8 @@ from petsc4py import PETSc
 from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.cell_forms import CellForm
 from fenics_contact.assembly.petsc_memory import HANDLE, block_rows, other_columns, own_part
-from fenics_contact.assembly.pose import Pose, skew
-from fenics_contact.kernels.scatter import add_blocks, find_blocks, scatter_border
+from fenics_contact.assembly.pose import Pose
+from fenics_contact.kernels.scatter import add_blocks, border_of_nodes, find_blocks, scatter_border
 from fenics_contact.types import Array, Floats, Ints64, Mat
 
 
@@ -104,20 +104,13 @@ def _insert_tool(tool: ToolBlocks, border: Border) -> None:
 def tool_blocks(index: int, pose: Pose, nodes: Array, at: tuple[Floats, Floats], rates: tuple[Floats, Floats]) -> ToolBlocks:
     """Couplings of slave nodes with the rigid tool that they meet, from those of the nodes with one another.
 
-    at: (places x (n, 3) of the nodes, forces f (n, 3) on them); rates: (K B (n, 3, 6), B^T K (n, 6, 3)) of the rates K of
-    the forces with the nodes and the nodes' motions B = Pose.motions(x). All of it may be one process' part of sums.
+    at: (motions B (n, 3, 6) of the nodes, as Pose.motions gives them, forces f (n, 3) on them); rates: (K B (n, 3, 6),
+    B^T K (n, 6, 3)) of the rates K of the forces with the nodes. All of it may be one process' part of sums.
 
     A motion of nodes and tool as one body turns the forces and changes them in no other way. So a tool that moves alone is
     such a motion of both and the nodes' way back: df = w x f - K B (d, w). The wrench on the tool is -B^T f.
     """
-    (x, forces), (by_motion, of_wrench) = at, rates
-    motions, turned = pose.motions(x), skew(forces)
-    columns = -by_motion
-    columns[..., 3:] -= turned
-    rows = -of_wrench
-    rows[..., 3:, :] += turned
-    corner = -np.einsum("nca,ncb->ab", motions, columns)
-    corner[3:, :3] -= turned.sum(axis=0)  # torques are about a point that travels too
-    rows[..., 3:, :] /= pose.lever
-    corner[3:] /= pose.lever
-    return ToolBlocks(index, nodes, pose.by_coordinates(columns), np.ascontiguousarray(rows), pose.by_coordinates(corner))
+    count = len(at[0])  # of all processes' nodes, where sums over them are still to come
+    out = np.empty((count, 3, 6)), np.empty((count, 6, 3)), np.empty((6, 6))
+    border_of_nodes(at, rates, (pose.rate, pose.lever), out)
+    return ToolBlocks(index, nodes, *out)

@@ -36,8 +36,8 @@ class MeshedToolPartner(FacetPartner):
         slave, pose = self.places.first, _pose(feet)
         inside = (rows < slave) & (columns < slave)
         pairs = rows[inside], columns[inside], values[inside]
-        at = feet.coords[:slave], self.response(feet, trial).forces[:slave]
-        tool = tool_blocks(self.places.master.index, pose, self.places.slave, at, _by_motions(pairs, pose.motions(at[0])))
+        at = pose.motions(feet.coords[:slave]), self.response(feet, trial).forces[:slave]
+        tool = tool_blocks(self.places.master.index, pose, self.places.slave, at, _by_motions(pairs, at[0]))
         return Blocks(pairs=(*(self.places.slave[part] for part in pairs[:2]), pairs[2]), whole=False, tool=tool, at=feet)
 
     def couplings(self, feet: FacetFeet, trial: Trial) -> None:
@@ -69,9 +69,10 @@ class MeshedToolAverages(MortarPartner):
         inside = (rows < nodes) & (columns < nodes)
         pairs = rows[inside], columns[inside], values[inside]
         numbered = *(np.searchsorted(self.places.skin.moving, part) for part in pairs[:2]), pairs[2]
-        at = self.places.skin.each(feet.coords[:slave], self.response(feet, trial).forces[:slave])
-        rates = _by_motions(numbered, pose.motions(at[0]))
-        tool = tool_blocks(self.places.master.index, pose, self.places.skin.owned, at, rates)
+        x, forces = self.places.skin.each(feet.coords[:slave], self.response(feet, trial).forces[:slave])
+        motions = pose.motions(x)
+        at = motions, forces
+        tool = tool_blocks(self.places.master.index, pose, self.places.skin.owned, at, _by_motions(numbered, motions))
         border = np.stack([tool.columns, tool.rows.transpose(0, 2, 1)])
         self.places.comm.Allreduce(MPI.IN_PLACE, border)
         columns_here, rows_here = border[:, self.places.skin.mine]

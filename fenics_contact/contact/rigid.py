@@ -16,7 +16,7 @@ from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.foreseen import WEIGHT
 from fenics_contact.kernels.rigid_element import ElementLaws, contact_elements
-from fenics_contact.kernels.scatter import scatter_forces
+from fenics_contact.kernels.scatter import motions_of_elements, scatter_forces
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.types import Array, Bools, Floats, Ints
 
@@ -78,10 +78,8 @@ class RigidPartner(PointPressures):
 
     def add_forces(self, feet: RigidFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the tool's, (14)."""
-        active = np.flatnonzero((response.status != OPEN).any(axis=1))
-        scatter_forces(active, self.surface.nodes, response.forces, residual)
-        x, forces = (of_nodes[active].reshape(-1, 3) for of_nodes in (feet.x, response.forces))
-        tool_residual[self.index] -= feet.pose.wrench(x, forces)
+        scatter_forces(self.surface.nodes, response.forces, residual)
+        tool_residual[self.index] -= feet.pose.wrench(feet.x.reshape(-1, 3), response.forces.reshape(-1, 3))
 
     def on_slave(self, feet: RigidFeet, response: Response) -> tuple[Floats, Floats]:
         """Places and forces (n, 3) of the slave nodes, a node's in parts."""
@@ -90,11 +88,11 @@ class RigidPartner(PointPressures):
     def tangent(self, feet: RigidFeet, trial: Trial) -> Blocks:
         response, tangent, rubbed = self._evaluate(feet, trial, True)
         active = np.flatnonzero((response.status != OPEN).any(axis=1))
-        nodes, K, (ne, k) = self.surface.nodes[active], tangent[active], (len(active), feet.x.shape[1])
+        nodes, K = self.surface.nodes[active], tangent[active]
         x, forces = (of_nodes[active].reshape(-1, 3) for of_nodes in (feet.x, response.forces))
-        motions = feet.pose.motions(x).reshape(ne, 3 * k, 6)
-        rates = (K @ motions).reshape(-1, 3, 6), (K.transpose(0, 2, 1) @ motions).reshape(-1, 3, 6).transpose(0, 2, 1)
-        tool = tool_blocks(self.index, feet.pose, nodes.ravel(), (x, forces), rates)
+        motions, rates = feet.pose.motions(x), (np.empty((len(x), 3, 6)), np.empty((len(x), 6, 3)))
+        motions_of_elements(K, motions, *rates)
+        tool = tool_blocks(self.index, feet.pose, nodes.ravel(), (motions, forces), rates)
         return Blocks(cells=(nodes, K), tool=tool, at=Linearised(feet, response, rubbed))
 
     def couplings(self, feet: RigidFeet, trial: Trial) -> None:
@@ -110,10 +108,11 @@ class RigidPartner(PointPressures):
         gaps = before.response.gap + rise[..., 0] + trial.history.shift
         if not trial.rough:
             return _deciding(gaps, np.zeros_like(way))
-        change = np.concatenate([rise, (way - rise * normals) @ self.places.axes(before.feet.pose)], axis=2)
+        along = np.einsum("eqc,cd->eqd", way - rise * normals, self.places.axes(before.feet.pose))
+        change = np.concatenate([rise, along], axis=2)
         stick = trial.law.eps_t[:, None, None]
         ways = (before.rubbed[..., 0] + np.einsum("eqab,eqb->eqa", before.rubbed[..., 1:], change)) / stick
-        found = self.anchors.slip(feet, trial, trial.history.anchors)
+        found = self.anchors.slip(feet, trial.history.anchors)
         share = np.minimum(WEIGHT * self.surface.stiffness[:, None, None] / stick, 1.0)
         # what comes to touch is pressed by all of its gap, and rubs by all of its way
         ways = weighed(ways, found, np.where((before.response.status == OPEN)[..., None], 1.0, share))
@@ -123,7 +122,7 @@ class RigidPartner(PointPressures):
         """See `Partner.deciding`: these gaps, and the ways (4 ne nq,) of what stuck by the friction that it had; of what is
         to slip the farther."""
         found, stick = self.response(feet, before), trial.law.eps_t[:, None, None]
-        ways = self.anchors.slip(feet, trial, trial.history.anchors) / np.minimum(wide, 1.0)[..., None]
+        ways = self.anchors.slip(feet, trial.history.anchors) / np.minimum(wide, 1.0)[..., None]
         return _deciding(gaps, np.where((found.status == STICK)[..., None], self._rubbed(feet, found) / stick, ways))
 
     def carried_on(self, trial: Trial, share: float) -> Floats:
@@ -131,7 +130,7 @@ class RigidPartner(PointPressures):
         (4 ne nq,) that decide at the start of the next: of what slipped beyond its cone."""
         feet, anchors = trial.history.feet, trial.history.anchors
         further = np.where(self.response(feet, trial).status == SLIP, 2.0, 1.0)[..., None]
-        return _deciding(trial.history.carried_on(share), further * self.anchors.slip(feet, trial, anchors))
+        return _deciding(trial.history.carried_on(share), further * self.anchors.slip(feet, anchors))
 
     def ahead(self, feet: RigidFeet, before: Linearised, trial: Trial) -> Floats:
         """See `ContactPartner.ahead`: of the ways that decide what sticks, in the tool's frame."""

@@ -16,8 +16,9 @@ from fenics_contact.contact.passing import Facets, at_start, depths_passed, tool
 from fenics_contact.contact.surface import Beside, SlaveSurface
 from fenics_contact.contact.tools import RigidTool
 from fenics_contact.kernels.rigid_element import Points, ToolPose, distances, point_normals
+from fenics_contact.kernels.scatter import stays
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.types import Array, Bools, Floats, Ints64, Space
+from fenics_contact.types import Array, Bools, Floats, Ints, Ints64, Space
 
 BEHIND = 0.1  # of a cell's height: what of a body may lie in a tool behind the slave surface at the start
 
@@ -55,12 +56,12 @@ class RigidPlaces:
 
     def feet(self, state: State) -> RigidFeet:
         """The places at a state; the same object while these do not change."""
-        s, last, u = self.surface, self._feet, state.u.x.array.reshape(-1, 3)
-        x, pose = s.X + u[s.nodes], state.pose(self.index)
-        facets = x if s.between is None else s.between.X + u[s.between.nodes]
-        if last is None or not (np.array_equal(x, last.x) and pose.same(last.pose)):
-            last = None
-        if last is None or (s.between is not None and not np.array_equal(facets, last.facets)):
+        s, last, pose, u = self.surface, self._feet, state.pose(self.index), state.u.x.array
+        x = _placed(s.nodes, s.X, u, None if last is None else last.x)
+        facets = x
+        if s.between is not None:
+            facets = _placed(s.between.nodes, s.between.X, u, None if last is None else last.facets)
+        if last is None or x is not last.x or facets is not last.facets or not pose.same(last.pose):
             last = self._feet = RigidFeet(x, facets, pose)
         return last
 
@@ -166,6 +167,11 @@ class RigidPlaces:
     def back_share(self, state: State) -> float:
         """Zero: an analytic tool knows its outside."""
         return 0.0
+
+
+def _placed(nodes: Ints, X: Floats, u: Floats, last: Floats | None) -> Floats:
+    """Where nodes (ne, k) are (ne, k, 3) with displacements u (dofs,): `last` itself where that is there."""
+    return X + u.reshape(-1, 3)[nodes] if last is None or not stays(nodes, X, u, last) else last
 
 
 def distances_to(places: RigidPlaces, x: Floats, pose: Pose) -> Floats:

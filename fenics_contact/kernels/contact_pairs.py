@@ -7,12 +7,35 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE, Projection
-from fenics_contact.kernels.deformable_element import Anchors, Pair, Pairs, PointLaws, place, place_apart, slide_anchor
-from fenics_contact.kernels.law import Gaps, Law, Traction, friction_at, traction, without
+from fenics_contact.kernels.deformable_element import (
+    Anchors,
+    Pair,
+    Pairs,
+    PointLaws,
+    facet_corners,
+    pair_of,
+    place_apart,
+    slide_anchor,
+)
+from fenics_contact.kernels.law import NO_RUBBING, Gaps, Law, Traction, rubbing, traction
 from fenics_contact.kernels.normals import tangents_at
 from fenics_contact.kernels.ray_element import ray_gap_rate
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
-from fenics_contact.kernels.vectors import Four, add_row, dot, less, minus, norm, of_four, of_nodes, planar, plus, row, times
+from fenics_contact.kernels.vectors import (
+    ZERO,
+    Four,
+    add_row,
+    dot,
+    less,
+    minus,
+    norm,
+    of_four,
+    of_nodes,
+    planar,
+    plus,
+    row,
+    times,
+)
 from fenics_contact.types import Floats, Ints, Ints64
 
 
@@ -29,23 +52,24 @@ def presses(q: int, projection: Projection, law: PointLaws) -> bool:
 
 
 @njit(cache=True)
-def point_law(q: int, law: PointLaws, anchors: Anchors) -> Law:
-    """The Law of point q: without friction where it has no anchor."""
-    return Law(law[0][q], law[1][q], friction_at(law[2], q) if anchors[0][q, 0] >= 0 else without(law[2]), law[3])
+def point_law(q: int, decides: float, law: PointLaws, anchors: Anchors) -> Law:
+    """The Law of point q under a gap that decides [length]: without friction where it has no anchor."""
+    friction = rubbing(law[2], q, -law[0][q] * decides) if anchors[0][q, 0] >= 0 else NO_RUBBING
+    return Law(law[0][q], law[1][q], friction, law[3])
 
 
 @njit(cache=True)
 def _present_traction(q: int, pair: Pair, law: PointLaws, anchors: Anchors) -> Traction:
     """The Traction of point q at its present gap."""
     press = pair.g + law[4][q]
-    return traction(point_law(q, law, anchors), Gaps(press, press), pair.n, pair.w)
+    return traction(point_law(q, press, law, anchors), Gaps(press, press), pair.n, pair.w)
 
 
 @njit(cache=True)
 def judged_traction(q: int, pair: Pair, law: PointLaws, anchors: Anchors) -> tuple[Law, Gaps, Traction]:
     """Law, gaps and Traction of point q under the pressure that decides its status: what the tangent is that of."""
     g = law[5][q] if len(law[5]) > 0 else pair.g + law[4][q]
-    numbers, gaps = point_law(q, law, anchors), Gaps(g, g)
+    numbers, gaps = point_law(q, g, law, anchors), Gaps(g, g)
     return numbers, gaps, traction(numbers, gaps, pair.n, pair.w)
 
 
@@ -57,23 +81,27 @@ def add_forces(pairs: Pairs, law: PointLaws, out: tuple[Floats, Ints, Floats]) -
 
     out: (forces, status, tractions); fills per point status and traction (np, 3) T = N n + T_T.
     """
-    _, (nodes, weights, area, _), surface, projection, anchors = pairs
-    corners, facet = surface[0], projection[0]
-    forces, status, tractions = out
+    coords, (nodes, weights, area, gradients), (corners, size), (facet, kind, _, xi, gap, _), (held, held_weights) = pairs
+    (eps_n, eps_t, friction, touch, shift, judged), (forces, status, tractions), seeks = law, out, len(gradients) > 0
     for q in range(len(status)):
         status[q] = OPEN
         tractions[q, 0] = tractions[q, 1] = tractions[q, 2] = 0.0
-        if not presses(q, projection, law):
+        if kind[q] == NONE or (judged[q] if len(judged) > 0 else gap[q] + shift[q]) > touch:
             continue
-        pair = place(q, pairs)
-        press = pair.g + law[4][q]
-        gaps = Gaps(press, law[5][q] if len(law[5]) > 0 else press)
-        found = traction(point_law(q, law, anchors), gaps, pair.n, pair.w)
+        f, anchored = facet[q], held[q, 0] >= 0
+        t1, t2 = tangents_at(coords, nodes, q, gradients, q) if seeks else (ZERO, ZERO)
+        anchor = anchored, of_nodes(held_weights, q, held, coords) if anchored else ZERO
+        at, x = (kind[q], size[f], xi[q, 0], xi[q, 1], gap[q]), of_nodes(weights, q, nodes, coords)
+        pair = pair_of(at, facet_corners(coords, corners, f), x, anchor, (seeks, t1, t2))
+        press = pair.g + shift[q]
+        gaps = Gaps(press, judged[q] if len(judged) > 0 else press)
+        rub = rubbing(friction, q, -eps_n[q] * gaps.decides) if anchored else NO_RUBBING
+        found = traction(Law(eps_n[q], eps_t[q], rub, touch), gaps, pair.n, pair.w)
         status[q] = found.status
         if found.status == OPEN:
             continue
         tractions[q, 0], tractions[q, 1], tractions[q, 2] = found.T
-        force, f = times(area[q], found.T), facet[q]
+        force = times(area[q], found.T)
         for i in range(nodes.shape[1]):
             add_row(forces, nodes[q, i], weights[q, i], force)
         add_row(forces, corners[f, 0], -pair.N[0], force)

@@ -7,28 +7,30 @@ anchors lie on the same one, share an element matrix: it goes into the pattern o
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.contact_pairs import judged_traction, presses
+from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.couplings import Pattern, equal_rows, felt_nodes, find
 from fenics_contact.kernels.deformable_element import (
     DRAG,
     FIRST,
     JUMP,
     SECOND,
-    Anchors,
     Pair,
     Pairs,
     PointLaws,
-    Slaves,
+    facet_corners,
     foot_rate,
     normal_rate,
-    place,
+    pair_of,
     traction_rate,
 )
-from fenics_contact.kernels.law import partials
+from fenics_contact.kernels.law import NO_RUBBING, Gaps, Law, partials, rubbing, traction
+from fenics_contact.kernels.normals import tangents_at
 from fenics_contact.kernels.ray_element import ray_rates
 from fenics_contact.kernels.status import OPEN
-from fenics_contact.kernels.vectors import Four, Vector
+from fenics_contact.kernels.vectors import ZERO, Four, Vector, of_nodes
 from fenics_contact.types import Bools, Floats, Ints64
+
+NO_WEIGHTS = (0.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True)
@@ -39,43 +41,53 @@ def add_tangents(pairs: Pairs, law: PointLaws, pattern: Pattern, out: tuple[Floa
     points press with these, which are then the pressures of a mixed method.  Returns the number of blocks
     that were not in the pattern.
     """
-    _, slaves, surface, projection, anchors = pairs
-    points, k = slaves[0].shape
-    tables, facet, kind, feature = (slaves[0], surface[0], anchors[0]), projection[0], projection[1], projection[2]
+    coords, (slaves, weights, area, gradients), surface, projection, (held, held_weights) = pairs
+    (corners, size), (facet, kind, feature, xi, gap, _), (points, k) = surface, projection, slaves.shape
+    (eps_n, eps_t, friction, touch, shift, judged), tables, (values, used) = law, (slaves, corners, held), out
     nodes, matrix = np.empty(k + 8, np.int64), np.zeros((k + 4, 9 * (k + 8)))
     beta, dn, rates = np.zeros((2, 4, 3)), np.zeros((4, 3, 3)), np.zeros((4, 3, 9))
     share, spread = np.zeros((4, k + 8)), np.zeros((3, 9 * (k + 8)))
-    ray, done, missing = len(slaves[3]) > 0, np.zeros(points, np.bool_), 0
+    ray, done, missing = len(gradients) > 0, np.zeros(points, np.bool_), 0
+    for q in range(points):
+        done[q] = kind[q] == NONE or (judged[q] if len(judged) > 0 else gap[q] + shift[q]) > touch  # open
     for first in range(points):
-        if done[first] or not presses(first, projection, law):
+        if done[first]:
             continue
         felt = felt_nodes(first, tables, facet, nodes)
         matrix[:] = 0.0
         pressed = False
         for q in range(first, points):
-            if not equal_rows(slaves[0], first, q):
+            if not equal_rows(slaves, first, q):
                 break  # the points of an element come one after the other
-            same = facet[q] == facet[first] and equal_rows(anchors[0], first, q)
-            if done[q] or not same or not presses(q, projection, law):
+            if done[q] or facet[q] != facet[first] or not equal_rows(held, first, q):
                 continue
             done[q] = True
-            pair = place(q, pairs)
-            numbers, gaps, found = judged_traction(q, pair, law, anchors)
+            f, anchored = facet[q], held[q, 0] >= 0
+            t1, t2 = tangents_at(coords, slaves, q, gradients, q) if ray else (ZERO, ZERO)
+            anchor = anchored, of_nodes(held_weights, q, held, coords) if anchored else ZERO
+            at, x = (kind[q], size[f], xi[q, 0], xi[q, 1], gap[q]), of_nodes(weights, q, slaves, coords)
+            pair = pair_of(at, facet_corners(coords, corners, f), x, anchor, (ray, t1, t2))
+            g = judged[q] if len(judged) > 0 else pair.g + shift[q]
+            rub, gaps = rubbing(friction, q, -eps_n[q] * g) if anchored else NO_RUBBING, Gaps(g, g)
+            numbers = Law(eps_n[q], eps_t[q], rub, touch)
+            found = traction(numbers, gaps, pair.n, pair.w)
             if found.status == OPEN:
                 continue
             if ray:
                 ray_rates(pair, beta, dn)
             else:
-                foot_rate(kind[q], surface[1][facet[q]], feature[q], pair, beta)
+                foot_rate(kind[q], size[f], feature[q], pair, beta)
                 normal_rate(kind[q], pair, beta, dn)
             by = partials(numbers, gaps, pair.n, pair.w, found)
             traction_rate(found.T, by, pair, beta, dn, rates)
-            _shares(q, slaves, anchors, felt, pair, share)
-            _spread(slaves[2][q], felt, rates, share, spread)
-            _add_point(q, slaves[1], 9 * felt, pair, spread, matrix)
+            h0, h1, h2, h3 = held_weights[q, 0], held_weights[q, 1], held_weights[q, 2], held_weights[q, 3]
+            _slave_shares(q, weights, gradients, pair, share)
+            _shares(k, felt, pair, (h0, h1, h2, h3) if anchored else NO_WEIGHTS, share)
+            _spread(area[q], felt, rates, share, spread)
+            _add_point(q, weights, 9 * felt, pair, spread, matrix)
             pressed = True
         if pressed:
-            missing += _insert(matrix, nodes, felt, pattern, out[0], out[1])
+            missing += _insert(matrix, nodes, felt, pattern, values, used)
     return missing
 
 
@@ -86,12 +98,9 @@ def _put_four(table: Floats, i: int, first: int, scale: float, values: Four) -> 
 
 
 @njit(cache=True)
-def _shares(q: int, slaves: Slaves, anchors: Anchors, felt: int, pair: Pair, share: Floats) -> None:
-    """Fill share (4, k + 8): the parts of the nodes in the modes of point q."""
-    (_, weights, _, gradients), (anchor_nodes, anchor_weights) = slaves, anchors
-    k, has_anchor = weights.shape[1], anchor_nodes[q, 0] >= 0
-    _put_four(share, JUMP, k, -1.0, pair.N)
-    _put_four(share, DRAG, k, 1.0, pair.N)
+def _slave_shares(q: int, weights: Floats, gradients: Floats, pair: Pair, share: Floats) -> None:
+    """Fill share (4, k + 8) where it belongs to slave nodes, or to tangents: the parts of the nodes in the modes of q."""
+    k = weights.shape[1]
     for i in range(k):
         share[JUMP, i] = weights[q, i]
     if len(gradients) > 0:
@@ -100,12 +109,18 @@ def _shares(q: int, slaves: Slaves, anchors: Anchors, felt: int, pair: Pair, sha
     else:
         _put_four(share, FIRST, k, 1.0, pair.N1)
         _put_four(share, SECOND, k, 1.0, pair.N2)
+
+
+@njit(cache=True)
+def _shares(k: int, felt: int, pair: Pair, anchor: Four, share: Floats) -> None:
+    """Fill the rest of share (4, k + 8): of the facet's nodes, and the anchor's with weights (4,)."""
+    _put_four(share, JUMP, k, -1.0, pair.N)
+    _put_four(share, DRAG, k, 1.0, pair.N)
     for i in range(4):
-        anchor = anchor_weights[q, i] if has_anchor else 0.0
         if felt > k + 4:
-            share[DRAG, k + 4 + i] = -anchor
+            share[DRAG, k + 4 + i] = -anchor[i]
         else:
-            share[DRAG, k + i] -= anchor
+            share[DRAG, k + i] -= anchor[i]
 
 
 @njit(cache=True)

@@ -61,6 +61,8 @@ Slaves = tuple[Ints64, Floats, Floats, Floats]
 Anchors = tuple[Ints64, Floats]
 PointLaws = tuple[Floats, Floats, Friction, float, Floats, Floats]
 Pairs = tuple[Floats, Slaves, Surface, Projection, Anchors]
+Patch = tuple[Vector, Vector, Vector, Vector]
+Foot = tuple[int, int, float, float, float]  # kind, size of the facet, xi, gap
 
 # Modes.
 JUMP, FIRST, SECOND, DRAG = 0, 1, 2, 3
@@ -93,37 +95,53 @@ def slave_points(coords: Floats, nodes: Ints64, weights: Floats, points: Floats)
         points[q, 0], points[q, 1], points[q, 2] = of_nodes(weights, q, nodes, coords)
 
 
-def _place(q: int, pairs: Pairs) -> Pair:
-    """The Pair of slave point q."""
-    coords, slaves, surface, projection, anchors = pairs
-    slave_nodes, slave_weights, _, gradients = slaves
-    nodes, size = surface
-    facet, kind, _, xi, gap, _ = projection
-    f, s, t = facet[q], xi[q, 0], xi[q, 1]
-    N = shape(size[f], s, t)
-    N1, N2 = shape_gradient(size[f], s, t)
-    x0, x1, x2, x3 = row(coords, nodes[f, 0]), row(coords, nodes[f, 1]), row(coords, nodes[f, 2]), row(coords, nodes[f, 3])
+@njit(cache=True, error_model="numpy", inline="always")
+def facet_corners(coords: Floats, nodes: Ints64, f: int) -> Patch:
+    """Places of the nodes (nf, 4) of facet f."""
+    return row(coords, nodes[f, 0]), row(coords, nodes[f, 1]), row(coords, nodes[f, 2]), row(coords, nodes[f, 3])
+
+
+def _pair(at: Foot, patch: Patch, x: Vector, anchor: tuple[bool, Vector], tangents: tuple[bool, Vector, Vector]) -> Pair:
+    """The Pair of a slave point at x and its foot on a facet.
+
+    anchor, tangents: is there one, and are there such; x_a, and the tangents of the slave's facet, whose normal then seeks
+    the master: kernels/slave_ray.py.
+    """
+    (kind, m, s, t, gap), (x0, x1, x2, x3) = at, patch
+    N = shape(m, s, t)
+    N1, N2 = shape_gradient(m, s, t)
     x_m = of_four(N, x0, x1, x2, x3)
-    r1, r2, r12 = of_four(N1, x0, x1, x2, x3), of_four(N2, x0, x1, x2, x3), of_four(shape_mixed(size[f]), x0, x1, x2, x3)
-    d = minus(of_nodes(slave_weights, q, slave_nodes, coords), x_m)
-    w = minus(x_m, of_nodes(anchors[1], q, anchors[0], coords)) if anchors[0][q, 0] >= 0 else ZERO
-    if len(gradients) > 0:  # the slave's normal seeks the master: kernels/slave_ray.py
-        t1, t2 = tangents_at(coords, slave_nodes, q, gradients, q)
+    r1, r2, r12 = of_four(N1, x0, x1, x2, x3), of_four(N2, x0, x1, x2, x3), of_four(shape_mixed(m), x0, x1, x2, x3)
+    d, w = minus(x, x_m), minus(x_m, anchor[1]) if anchor[0] else ZERO
+    seeks, t1, t2 = tangents
+    if seeks:
         n = cross(t2, t1)
         area = norm(n)
         n = times(1.0 / area, n)
         return Pair(dot(d, n), n, d, r1, r2, r12, w, N, N1, N2, t1, t2, area)
-    if kind[q] == INTERIOR:
+    if kind == INTERIOR:
         n = cross(r1, r2)
         n = times(1.0 / norm(n), n)
         return Pair(dot(d, n), n, d, r1, r2, r12, w, N, N1, N2, ZERO, ZERO, 0.0)
-    g = math.copysign(norm(d), gap[q])
+    g = math.copysign(norm(d), gap)
     return Pair(g, times(1.0 / g, d), d, r1, r2, r12, w, N, N1, N2, ZERO, ZERO, 0.0)
 
 
-# where assembly spends its time, and elsewhere: a copy in each of its callers takes seconds to compile
-place = njit(cache=True, error_model="numpy", inline="always")(_place)
-place_apart = njit(cache=True, error_model="numpy")(_place)
+# A copy in each of its callers takes seconds to compile: only where assembly spends its time, in loops that have unpacked
+# the groups, for an array of a tuple that is looked at for a point costs more, in reference counts, than its arithmetic
+pair_of = njit(cache=True, error_model="numpy", inline="always")(_pair)
+_pair_apart = njit(cache=True, error_model="numpy")(_pair)
+
+
+@njit(cache=True, error_model="numpy")
+def place_apart(q: int, pairs: Pairs) -> Pair:
+    """The Pair of slave point q."""
+    coords, (nodes, weights, _, gradients), (corners, size), (facet, kind, _, xi, gap, _), (held, held_weights) = pairs
+    f, seeks, anchored = facet[q], len(gradients) > 0, held[q, 0] >= 0
+    t1, t2 = tangents_at(coords, nodes, q, gradients, q) if seeks else (ZERO, ZERO)
+    anchor = anchored, of_nodes(held_weights, q, held, coords) if anchored else ZERO
+    at, x = (kind[q], size[f], xi[q, 0], xi[q, 1], gap[q]), of_nodes(weights, q, nodes, coords)
+    return _pair_apart(at, facet_corners(coords, corners, f), x, anchor, (seeks, t1, t2))
 
 
 @njit(cache=True, error_model="numpy")

@@ -51,13 +51,27 @@ SMOOTH = Friction(  # no friction
 )  # fmt: skip
 
 
+class Rubbing(NamedTuple):
+    """Friction of one point: mu, 0 where there is none; the greatest |T_T| [pressure] under the pressure that decides, and
+    its slope; ratio and `along` as of Friction. Numbers alone: arrays would be counted in each function that they pass."""
+
+    mu: float
+    limit: float
+    slope: float
+    ratio: float
+    along: Vector
+
+
+NO_RUBBING = Rubbing(mu=0.0, limit=0.0, slope=0.0, ratio=1.0, along=ZERO)  # of a point without an anchor
+
+
 class Law(NamedTuple):
-    """Penalties eps_N, eps_T [pressure/length]; Friction, none where there is no anchor; touch [length]: gaps up to it are
-    round-off and closed, slips up to it are none."""
+    """Penalties eps_N, eps_T [pressure/length]; friction; touch [length]: gaps up to it are round-off and closed, slips up
+    to it are none."""
 
     eps_n: float
     eps_t: float
-    friction: Friction
+    friction: Rubbing
     touch: float
 
 
@@ -126,31 +140,19 @@ def _tabulated(table: Floats, place: float) -> tuple[float, float]:
     return mu, rate * 2.0 / (end - start) if start <= place <= end else 0.0
 
 
-@njit(cache=True)
-def without(friction: Friction) -> Friction:
-    """No friction."""
-    return Friction(
-        mu=0.0, reference=1.0, exponent=0.0, shear=0.0, ratio=1.0, along=ZERO,
-        table=friction.table, directions=friction.directions,
-    )  # fmt: skip
+@njit(cache=True, error_model="numpy")
+def rubbing(friction: Friction, q: int, p: float) -> Rubbing:
+    """The friction of point q, along its own direction where each has one, under a pressure p that decides."""
+    along = friction.along
+    if len(friction.directions) > 0:
+        d = row(friction.directions, q)
+        along = times(1.0 / max(norm(d), 1e-300), d)
+    limit, slope = friction_limit(friction, p)
+    return Rubbing(friction.mu, limit, slope, friction.ratio, along)
 
 
 @njit(cache=True, error_model="numpy")
-def friction_at(friction: Friction, q: int) -> Friction:
-    """The friction of point q: along its own direction where each has one."""
-    f = friction
-    if len(f.directions) == 0:
-        return f
-    d = row(f.directions, q)
-    along = times(1.0 / max(norm(d), 1e-300), d)
-    return Friction(
-        mu=f.mu, reference=f.reference, exponent=f.exponent, shear=f.shear, ratio=f.ratio, along=along,
-        table=f.table, directions=f.directions,
-    )  # fmt: skip
-
-
-@njit(cache=True, error_model="numpy")
-def strength_taken(friction: Friction, t: Vector) -> float:
+def strength_taken(friction: Rubbing, t: Vector) -> float:
     """|T_T| of a traction t, that of the ellipse where friction has directions."""
     if friction.ratio == 1.0:
         return norm(t)
@@ -164,8 +166,8 @@ def friction_limits(friction: Friction, pressures: Floats, tractions: Floats, li
     """Fill limits (n,) of friction under pressures (n,), and the shares (n,) of them that the sizes of friction tractions
     (n, 3) may have in their directions."""
     for i in range(len(limits)):
-        t, limits[i], shares[i] = row(tractions, i), friction_limit(friction, pressures[i])[0], 1.0
-        taken = strength_taken(friction_at(friction, i), t)
+        t, one = row(tractions, i), rubbing(friction, i, pressures[i])
+        taken, limits[i], shares[i] = strength_taken(one, t), one.limit, 1.0
         if taken > 0.0:
             shares[i] = norm(t) / taken
 
@@ -182,12 +184,12 @@ def traction(law: Law, gaps: Gaps, n: Vector, w: Vector, told: int = FREE) -> Tr
     if gaps.decides > law.touch:
         return Traction(OPEN, 0.0, 0.0, 0.0, 0.0, ZERO, ZERO, ZERO)
     N = law.eps_n * gaps.press  # penalty of (15)
-    if law.friction.mu == 0.0:
+    friction = law.friction
+    if friction.mu == 0.0:
         return Traction(CLOSED, N, 0.0, 0.0, 0.0, ZERO, ZERO, times(N, n))
     # of (17): eps_T P(n) (x_M - x_a) in place of T_T(t_k) + eps_T (xi(k+1) - xi(k))
     trial = times(law.eps_t, planar(w, n))
-    limit, slope = friction_limit(law.friction, -law.eps_n * gaps.decides)
-    size = strength_taken(law.friction, trial)
+    limit, slope, size = friction.limit, friction.slope, strength_taken(friction, trial)
     # A way within round-off has no direction to slip in. A point that slipped when the last step was accepted starts the
     # next one on the cone to round-off, of the traction or of the way: it slips, so that the next step's first tangent lets
     # it go on.
@@ -221,7 +223,7 @@ def partials(law: Law, gaps: Gaps, n: Vector, w: Vector, found: Traction) -> Par
 
 
 @njit(cache=True)
-def _size_rate(friction: Friction, t: Vector) -> Vector:
+def _size_rate(friction: Rubbing, t: Vector) -> Vector:
     """d|T_T|/dT_T of a traction of the direction t, which has the size 1."""
     if friction.ratio == 1.0:
         return t
@@ -230,7 +232,7 @@ def _size_rate(friction: Friction, t: Vector) -> Vector:
 
 
 @njit(cache=True, error_model="numpy")
-def direction_rate(friction: Friction, t: Vector, length: float) -> tuple[Vector, Vector, Vector]:
+def direction_rate(friction: Rubbing, t: Vector, length: float) -> tuple[Vector, Vector, Vector]:
     """dT_T/dd by rows of a friction traction t that slips, where the unit vector `along` is d of a length over it.
 
     t keeps its direction and its size |T_T|, of which the ellipse turns: d|T_T|/d(along) = (1 - ratio^2) (along.t) t/|T_T|.

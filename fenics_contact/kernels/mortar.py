@@ -32,14 +32,14 @@ from fenics_contact.kernels.closest_point import NONE, Projection
 from fenics_contact.kernels.facets import Surface
 from fenics_contact.kernels.foreseen import rubs
 from fenics_contact.kernels.law import (
+    NO_RUBBING,
     Friction,
     Gaps,
     Law,
     direction_rate,
-    friction_at,
     partials,
+    rubbing,
     traction,
-    without,
 )
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import (
@@ -227,11 +227,12 @@ def softening(law: NodeLaws, averaged: Averaged, part: Floats) -> None:
 
 
 @njit(cache=True)
-def _node_law(A: int, law: NodeLaws, averaged: Averaged) -> Law:
-    """The Law of node A: without friction where none of its samples has an anchor."""
+def _node_law(A: int, decides: float, law: NodeLaws, averaged: Averaged) -> Law:
+    """The Law of node A under a gap that decides [length]: without friction where none of its samples has an anchor."""
     part = _series(A, law, averaged)[0]
-    friction = friction_at(law[2], A) if averaged[3][A] > 0.0 else without(law[2])
-    return Law(part * law[0][A], part * law[1][A], friction, law[3])
+    eps_n = part * law[0][A]
+    friction = rubbing(law[2], A, -eps_n * decides) if averaged[3][A] > 0.0 else NO_RUBBING
+    return Law(eps_n, part * law[1][A], friction, law[3])
 
 
 @njit(cache=True, error_model="numpy")
@@ -244,8 +245,9 @@ def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[In
     for A in range(n):
         if gaps[A] == np.inf:
             continue
-        numbers, press, w = _node_law(A, law, averaged), gaps[A] + shift[A], row(ways, A)
+        press, w = gaps[A] + shift[A], row(ways, A)
         decides = judged[A, 0] if len(judged) > 0 else press
+        numbers = _node_law(A, decides, law, averaged)
         told, along, _ = rubs(numbers, law[6][A], judged, A, ZERO, w)
         found = traction(numbers, Gaps(press, decides), ZERO, along, told)
         status[A], N[A] = found.status, share[A] * found.N
@@ -264,9 +266,8 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
     for A in range(n):
         if gaps[A] == np.inf:
             continue
-        numbers, w = _node_law(A, law, averaged), row(ways, A)
         g = judged[A, 0] if len(judged) > 0 else gaps[A] + shift[A]
-        gap = Gaps(g, g)
+        numbers, gap, w = _node_law(A, g, law, averaged), Gaps(g, g), row(ways, A)
         told, along, weight = rubs(numbers, law[6][A], judged, A, ZERO, w)
         found = traction(numbers, gap, ZERO, along, told)
         if found.status == OPEN:

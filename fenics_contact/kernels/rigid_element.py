@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from fenics_contact.kernels.foreseen import rubs
-from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, partials, traction
+from fenics_contact.kernels.law import Friction, Gaps, Law, Partials, partials, rubbing, traction
 from fenics_contact.kernels.rigid_shapes import edge_cover, ends_sharply, face_distance, meets_face, signed_distance
 from fenics_contact.kernels.status import OPEN, SLIP
 from fenics_contact.kernels.vectors import ZERO, Vector, dot, got, less, minus, norm, of_three, planar, plus, put, row, times
@@ -33,45 +33,48 @@ ElementLaws = tuple[Floats, Floats, Floats, Friction, float, Floats]
 ToolHistory = tuple[Floats, Floats]
 # force, tangent, traction, gap, status, cover, rubbed of `contact_elements`
 Elements = tuple[Floats, Floats, Floats, Floats, Ints, Floats, Floats]
-Scratch = tuple[Floats, Floats, Floats, Floats, Floats]
 Rows = tuple[Vector, Vector, Vector]
+Frame = tuple[Vector, Vector, Rows]
 
 
 @njit(cache=True)
-def _to_tool(x: Vector, tool: ToolPose) -> Vector:
-    """Place x in the tool's frame, axes^T (x - origin - travel)."""
+def _frame(tool: ToolPose) -> Frame:
+    """(origin, travel, rows of the axes): numbers, for an array of a tuple costs more in reference counts, wherever it is
+    looked at, than a point's arithmetic. So kernels unpack before their loops, too."""
     _, _, origin, axes, travel = tool
-    x = x[0] - origin[0] - travel[0], x[1] - origin[1] - travel[1], x[2] - origin[2] - travel[2]
-    return of_three(x, row(axes, 0), row(axes, 1), row(axes, 2))
+    rows = row(axes, 0), row(axes, 1), row(axes, 2)
+    return (origin[0], origin[1], origin[2]), (travel[0], travel[1], travel[2]), rows
 
 
 @njit(cache=True)
-def _to_world(axes: Floats, vector: Vector) -> Vector:
-    return dot(row(axes, 0), vector), dot(row(axes, 1), vector), dot(row(axes, 2), vector)
+def _to_tool(x: Vector, frame: Frame) -> Vector:
+    """Place x in the tool's frame, axes^T (x - origin - travel)."""
+    origin, travel, rows = frame
+    return of_three(minus(minus(x, origin), travel), rows[0], rows[1], rows[2])
 
 
 @njit(cache=True)
-def _scratch() -> Scratch:
-    """Arrays y (3,), active (3,), n (3,), H (3, 3), dcover (3,): what kernels/rigid_shapes.py fills for a point."""
-    return np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
+def _to_world(frame: Frame, vector: Vector) -> Vector:
+    rows = frame[2]
+    return dot(rows[0], vector), dot(rows[1], vector), dot(rows[2], vector)
 
 
 @njit(cache=True)
-def _meet(e: int, q: int, points: Points, tool: ToolPose, scratch: Scratch) -> tuple[float, Vector, Vector, float]:
-    """(gap, place in the tool's frame, normal, cover) of point q of element e; fills scratch."""
-    at, a, _, spacing = points
-    y, active, n, H, dcover = scratch
+def _place(at: Floats, a: Floats, e: int, q: int) -> Vector:
+    """Where point q of element e is."""
     x = ZERO
     for i in range(a.shape[2]):
         x = less(x, -a[e, q, i], got(at, e, i))
-    x = _to_tool(x, tool)
-    y[0], y[1], y[2] = x
-    cover = edge_cover(tool[0], tool[1], y, spacing[e], dcover)
-    if meets_face(tool[0], tool[1], y, spacing[e], cover):
-        gap = face_distance(tool[1], y, n, H)
-    else:
-        gap, cover = signed_distance(tool[0], tool[1], y, active, n, H), 1.0
-    return gap, x, (n[0], n[1], n[2]), cover
+    return x
+
+
+@njit(cache=True)
+def _meet(kind: int, shape: Floats, y: Floats, spacing: float, n: Floats, H: Floats) -> tuple[float, float, Vector]:
+    """(gap, cover, its gradient) of a point at y (3,) in the tool's frame; fills its normal n (3,) there and H (3, 3)."""
+    cover, gradient = edge_cover(kind, shape, y, spacing)
+    if meets_face(kind, shape, y, spacing, cover):
+        return face_distance(shape, y, n, H), cover, gradient
+    return signed_distance(kind, shape, y, n, H), 1.0, gradient
 
 
 @njit(cache=True)
@@ -98,42 +101,45 @@ def contact_elements(
     status (ne, nq), and cover (ne, nq) = penalty over eps_n, below one where the point slides out under a sharp edge; with a
     tangent rubbed (ne, nq, 3, 5): friction's part of the traction, and its rates with gap and way, in the tool's frame).
     """
-    a, area, axes = points[1], points[2], tool[3]
+    (at, a, area, spacing), (kind, shape, _, _, _), (anchor, shift), frame = points, tool, history, _frame(tool)
     eps_n, eps_t, body, friction, touch, judged = law
     force, tangent, tractions, gap, status, cover, rubbed = out
-    scratch, D = _scratch(), np.empty((3, 3))
-    H, dcover = scratch[3:]
+    y, normal, H, D = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     ne, nq, k = a.shape
     for e in range(ne):
         force[e] = 0.0
         if want_tangent:
             tangent[e] = 0.0
         for q in range(nq):
-            g, x, n, share = _meet(e, q, points, tool, scratch)
+            x = y[0], y[1], y[2] = _to_tool(_place(at, a, e, q), frame)
+            g, share, by_place = _meet(kind, shape, y, spacing[e], normal, H)
+            n = normal[0], normal[1], normal[2]
             eps, by_cover = _edge_penalty(eps_n[e], body[e], share)
             gap[e, q], cover[e, q] = g, eps / eps_n[e]
             put(tractions, e, q, ZERO)
-            press = g + history[1][e, q]
+            press = g + shift[e, q]
             decides = judged[e * nq + q, 0] if len(judged) > 0 else press
             if decides > touch:  # most points of a surface are open: leave before any law is evaluated
                 status[e, q] = OPEN
                 continue
-            numbers, gaps = Law(eps, eps_t[e], friction, touch), Gaps(decides if want_tangent else press, decides)
-            w = minus(less(x, g, n), got(history[0], e, q))  # the foot by (3)
+            rub, gaps = rubbing(friction, e * nq + q, -eps * decides), Gaps(decides if want_tangent else press, decides)
+            numbers = Law(eps, eps_t[e], rub, touch)
+            w = minus(less(x, g, n), got(anchor, e, q))  # the foot by (3)
             told, along, weight = rubs(numbers, body[e], judged, e * nq + q, n, w)
             found = traction(numbers, gaps, n, along, told)
             status[e, q] = found.status
-            T = _to_world(axes, found.T)
+            T = _to_world(frame, found.T)
             put(tractions, e, q, T)
             for i in range(k):
                 put(force, e, i, less(got(force, e, i), -a[e, q, i] * area[e, q], T))
             if want_tangent:
                 by = _weighed(partials(numbers, gaps, n, along, found), weight)
-                pull = traction(numbers, Gaps(press, decides), n, along, told).tangential
-                _put_rubbed(rubbed, e, q, pull, by, n)
-                rows = _rate(by, g, n, H, times(by_cover, (dcover[0], dcover[1], dcover[2])))
+                if decides != press:  # by what is foreseen: friction under the present gap
+                    found = traction(numbers, Gaps(press, decides), n, along, told)
+                _put_rubbed(rubbed, e, q, found.tangential, by, n)
+                rows = _rate(by, g, n, H, times(by_cover, by_place))
                 for i in range(3):
-                    D[i, 0], D[i, 1], D[i, 2] = _to_world(axes, of_three(row(axes, i), rows[0], rows[1], rows[2]))
+                    D[i, 0], D[i, 1], D[i, 2] = _to_world(frame, of_three(frame[2][i], rows[0], rows[1], rows[2]))
                 _scatter_tangent(a, area, e, q, D, tangent)
 
 
@@ -192,17 +198,21 @@ def committed_anchors(
     way from the edge would lead outwards whichever way the point comes. It is anchored where it is itself, for of the way
     from there the law takes what is along the face that holds it, and of its slip that is all.
     """
+    (at, a, _, spacing), (kind, shape, _, _, _), (anchors, shift), frame = points, tool, history, _frame(tool)
     eps_n, eps_t, body, friction, touch, _ = law
-    scratch, sharp = _scratch(), ends_sharply(tool[0], tool[1])
+    y, normal, H, sharp = np.empty(3), np.empty(3), np.empty((3, 3)), ends_sharply(kind, shape)
     for e in range(sliding.shape[0]):
         for q in range(sliding.shape[1]):
-            g, x, n, share = _meet(e, q, points, tool, scratch)
-            foot, anchor = less(x, g, n), got(history[0], e, q)
-            eps, press = _edge_penalty(eps_n[e], body[e], share)[0], g + history[1][e, q]
-            found = traction(Law(eps, eps_t[e], friction, touch), Gaps(press, press), n, minus(foot, anchor))
+            x = y[0], y[1], y[2] = _to_tool(_place(at, a, e, q), frame)
+            g, share, _ = _meet(kind, shape, y, spacing[e], normal, H)
+            n = normal[0], normal[1], normal[2]
+            foot, anchor = less(x, g, n), got(anchors, e, q)
+            eps, press = _edge_penalty(eps_n[e], body[e], share)[0], g + shift[e, q]
+            numbers = Law(eps, eps_t[e], rubbing(friction, e * sliding.shape[1] + q, -eps * press), touch)
+            found = traction(numbers, Gaps(press, press), n, minus(foot, anchor))
             kept = anchor
             if found.status == OPEN:
-                kept = x if sharp and g > 0.0 else foot
+                kept = _anchored(x, g, n, sharp)
             elif found.status == SLIP:
                 kept = less(foot, 1.0 / eps_t[e], found.tangential)
             slip = minus(kept, anchor)
@@ -213,18 +223,42 @@ def committed_anchors(
 
 
 @njit(cache=True)
+def slips_from(points: Points, tool: ToolPose, rests: Floats, slip: Floats) -> None:
+    """Fill slip (ne, nq, 3): the ways along the tool, in its frame, from rests (ne, nq, 3) to where open points would be
+    anchored [length]."""
+    (at, a, _, spacing), (kind, shape, _, _, _), frame = points, tool, _frame(tool)
+    y, normal, H, sharp = np.empty(3), np.empty(3), np.empty((3, 3)), ends_sharply(kind, shape)
+    for e in range(slip.shape[0]):
+        for q in range(slip.shape[1]):
+            x = y[0], y[1], y[2] = _to_tool(_place(at, a, e, q), frame)
+            g = _meet(kind, shape, y, spacing[e], normal, H)[0]
+            n = normal[0], normal[1], normal[2]
+            put(slip, e, q, planar(minus(_anchored(x, g, n, sharp), got(rests, e, q)), n))
+
+
+@njit(cache=True)
+def _anchored(x: Vector, g: float, n: Vector, sharp: bool) -> Vector:
+    """Where an open point at x in the tool's frame is anchored, see `committed_anchors`."""
+    return x if sharp and g > 0.0 else less(x, g, n)
+
+
+@njit(cache=True)
 def point_normals(points: Points, tool: ToolPose, normal: Floats) -> None:
     """Unit normals (ne, nq, 3) of the tool at the slave points, in world axes: what splits a traction for the output."""
-    scratch = _scratch()
+    (at, a, _, spacing), (kind, shape, _, _, _), frame = points, tool, _frame(tool)
+    y, n, H = np.empty(3), np.empty(3), np.empty((3, 3))
     for e in range(normal.shape[0]):
         for q in range(normal.shape[1]):
-            put(normal, e, q, _to_world(tool[3], _meet(e, q, points, tool, scratch)[2]))
+            y[0], y[1], y[2] = _to_tool(_place(at, a, e, q), frame)
+            _meet(kind, shape, y, spacing[e], n, H)
+            put(normal, e, q, _to_world(frame, (n[0], n[1], n[2])))
 
 
 @njit(cache=True)
 def distances(X: Floats, tool: ToolPose, gap: Floats) -> None:
     """Signed distances (n,) of fixed points X (n, 3) to a tool."""
-    y, active, n, H, _ = _scratch()
+    (kind, shape, _, _, _), frame = tool, _frame(tool)
+    y, n, H = np.empty(3), np.empty(3), np.empty((3, 3))
     for p in range(len(X)):
-        y[0], y[1], y[2] = _to_tool(row(X, p), tool)
-        gap[p] = signed_distance(tool[0], tool[1], y, active, n, H)
+        y[0], y[1], y[2] = _to_tool(row(X, p), frame)
+        gap[p] = signed_distance(kind, shape, y, n, H)

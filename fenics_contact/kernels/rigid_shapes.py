@@ -9,7 +9,7 @@ import math
 from numba import njit
 
 from fenics_contact.kernels.rigid_profiles import extrusion, revolution, torus
-from fenics_contact.kernels.vectors import Vector
+from fenics_contact.kernels.vectors import ZERO, Vector
 from fenics_contact.types import Floats
 
 PLANE = 0
@@ -27,7 +27,7 @@ ON_AXIS = 1e-9  # of the distance from the apex: nearer to the axis a cone has n
 
 
 @njit(cache=True)
-def _ball(radius: float, y: Vector, active: Floats, n: Floats, H: Floats) -> float:
+def _ball(radius: float, y: Vector, active: Vector, n: Floats, H: Floats) -> float:
     """Distance to a ball (three active axes), round edge (two) or flat face (one) about the origin of the axes."""
     a0, a1, a2 = y[0] * active[0], y[1] * active[1], y[2] * active[2]
     length = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
@@ -43,12 +43,14 @@ def _ball(radius: float, y: Vector, active: Floats, n: Floats, H: Floats) -> flo
     for i in range(3):
         for j in range(3):
             H[i, j] = -n[i] * n[j] / length
-        H[i, i] += active[i] / length
+    H[0, 0] += active[0] / length
+    H[1, 1] += active[1] / length
+    H[2, 2] += active[2] / length
     return length - radius
 
 
 @njit(cache=True)
-def _box(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+def _box(parameters: Floats, y: Floats, n: Floats, H: Floats) -> float:
     """Box |y_i| <= half_i whose edges are rounded with a fillet; a fillet of zero leaves the edges sharp."""
     fillet = parameters[3]
     outside = 0
@@ -56,7 +58,6 @@ def _box(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) ->
     q_deepest = -1.0e300
     for i in range(3):
         q = abs(y[i]) - (parameters[i] - fillet)
-        active[i] = 1.0 if q > 0.0 else 0.0
         if q > 0.0:
             outside += 1
         if q > q_deepest:
@@ -70,11 +71,14 @@ def _box(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) ->
     c0 = math.copysign(parameters[0] - fillet, y[0])
     c1 = math.copysign(parameters[1] - fillet, y[1])
     c2 = math.copysign(parameters[2] - fillet, y[2])
-    return _ball(fillet, (y[0] - c0, y[1] - c1, y[2] - c2), active, n, H)
+    beyond0 = 1.0 if abs(y[0]) > parameters[0] - fillet else 0.0
+    beyond1 = 1.0 if abs(y[1]) > parameters[1] - fillet else 0.0
+    beyond2 = 1.0 if abs(y[2]) > parameters[2] - fillet else 0.0
+    return _ball(fillet, (y[0] - c0, y[1] - c1, y[2] - c2), (beyond0, beyond1, beyond2), n, H)
 
 
 @njit(cache=True)
-def _cone(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+def _cone(parameters: Floats, y: Floats, n: Floats, H: Floats) -> float:
     """Cone about -z that ends at the origin; its tip is a ball: the surface parallel to a sharp cone within it."""
     tip, c, s = parameters[0], parameters[1], parameters[2]
     z = y[2] + tip  # above the apex of the sharp cone
@@ -84,8 +88,7 @@ def _cone(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -
         n[0], n[1], n[2] = 0.0, 0.0, 1.0
         return z - tip
     if r * s <= z * c:  # nearest to the tip
-        active[:] = 1.0
-        return _ball(tip, (y[0], y[1], z), active, n, H)
+        return _ball(tip, (y[0], y[1], z), (1.0, 1.0, 1.0), n, H)
     x0, x1 = y[0] / r, y[1] / r
     n[0], n[1], n[2] = c * x0, c * x1, s
     H[0, 0], H[1, 1] = c / r * x1 * x1, c / r * x0 * x0
@@ -94,10 +97,9 @@ def _cone(parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -
 
 
 @njit(cache=True)
-def _round(kind: int, radius: float, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+def _round(kind: int, radius: float, y: Floats, n: Floats, H: Floats) -> float:
     """Ball or endless cylinder; with a radius below zero the hollow of that radius in a tool without end."""
-    active[0], active[1], active[2] = 1.0, 1.0, 0.0 if kind == CYLINDER else 1.0
-    g = _ball(abs(radius), (y[0], y[1], y[2]), active, n, H)
+    g = _ball(abs(radius), (y[0], y[1], y[2]), (1.0, 1.0, 0.0 if kind == CYLINDER else 1.0), n, H)
     if radius >= 0.0:
         return g
     for i in range(3):
@@ -108,23 +110,23 @@ def _round(kind: int, radius: float, y: Floats, active: Floats, n: Floats, H: Fl
 
 
 @njit(cache=True)
-def _single(kind: int, parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+def _single(kind: int, parameters: Floats, y: Floats, n: Floats, H: Floats) -> float:
     """`signed_distance` of what is no union."""
     if kind == PLANE:
         n[0], n[1], n[2] = 0.0, 0.0, 1.0
         H[:, :] = 0.0
         return y[2]
     if kind == BOX:
-        return _box(parameters, y, active, n, H)
+        return _box(parameters, y, n, H)
     if kind == CONE:
-        return _cone(parameters, y, active, n, H)
+        return _cone(parameters, y, n, H)
     if kind == TORUS:
         return torus(parameters[0], parameters[1], y, n, H)
     if kind == EXTRUSION:
         return extrusion(parameters, y, n, H)
     if kind == REVOLUTION:
         return revolution(parameters, y, n, H)
-    return _round(kind, parameters[0], y, active, n, H)
+    return _round(kind, parameters[0], y, n, H)
 
 
 @njit(cache=True)
@@ -138,18 +140,18 @@ def _part(parts: Floats, at: int, x: Vector, y: Floats) -> tuple[int, Floats]:
 
 
 @njit(cache=True)
-def _union(parts: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+def _union(parts: Floats, y: Floats, n: Floats, H: Floats) -> float:
     """Distance to the nearest of the parts, with its normal and curvature, all in the union's frame."""
     x = y[0], y[1], y[2]
     least, nearest, at = 1.0e300, 0, 0
     while at < len(parts):
         kind, parameters = _part(parts, at, x, y)
-        g = _single(kind, parameters, y, active, n, H)
+        g = _single(kind, parameters, y, n, H)
         if g < least:
             least, nearest = g, at
         at += PART + int(parts[at + 1])
     kind, parameters = _part(parts, nearest, x, y)
-    g = _single(kind, parameters, y, active, n, H)
+    g = _single(kind, parameters, y, n, H)
     axes = nearest + 5
     _turn(parts, axes, n)
     for i in range(3):
@@ -169,18 +171,18 @@ def _turn(parts: Floats, axes: int, v: Floats) -> None:
 
 
 @njit(cache=True)
-def signed_distance(kind: int, parameters: Floats, y: Floats, active: Floats, n: Floats, H: Floats) -> float:
+def signed_distance(kind: int, parameters: Floats, y: Floats, n: Floats, H: Floats) -> float:
     """Signed distance of y (3,) to a shape; fills the unit normal n (3,) and the curvature H (3, 3).
 
     kind: PLANE (body z <= 0), BOX (half sizes and fillet radius), SPHERE (radius), CYLINDER (radius, axis z, endless), both
     hollow with a radius below zero, CONE (radius of its tip, cosine and sine of its half-angle; ends at z = 0, endless
     towards -z), TORUS (radius of its ring about z, radius of its tube), EXTRUSION along y and REVOLUTION about z (pieces of
     a profile, see rigid_profiles), UNION (parts one after another, see PART).
-    parameters: as many as the kind takes; active: (3,) scratch.
+    parameters: as many as the kind takes.
     """
     if kind == UNION:
-        return _union(parameters, y, active, n, H)
-    return _single(kind, parameters, y, active, n, H)
+        return _union(parameters, y, n, H)
+    return _single(kind, parameters, y, n, H)
 
 
 @njit(cache=True)
@@ -200,8 +202,8 @@ def ends_sharply(kind: int, parameters: Floats) -> bool:
 
 
 @njit(cache=True)
-def edge_cover(kind: int, parameters: Floats, y: Floats, spacing: float, ds: Floats) -> float:
-    """How far a slave point counts as lying under a sharp-edged face: a share s from 1 to 0, and its gradient ds (3,).
+def edge_cover(kind: int, parameters: Floats, y: Floats, spacing: float) -> tuple[float, Vector]:
+    """How far a slave point counts as lying under a sharp-edged face: a share s from 1 to 0, and its gradient.
 
     Points are `spacing` [length] apart. A contact that ends at the edge lies between the last point under the face and
     the next one outside; letting the share of the outer point fall from 1 at the edge to 0 one spacing outside it
@@ -209,16 +211,13 @@ def edge_cover(kind: int, parameters: Floats, y: Floats, spacing: float, ds: Flo
     one continuous derivative. Shapes without sharp edges give 1. Only the faces normal to the last axis (the punch's
     flat face) are treated so: the share fades where a point rises one to two spacings beside the punch.
     """
-    ds[:] = 0.0
     if not ends_sharply(kind, parameters) or (abs(y[0]) <= parameters[0] and abs(y[1]) <= parameters[1]):
-        return 1.0
+        return 1.0, ZERO
     s0, d0 = _fade(1.0 + (parameters[0] - abs(y[0])) / spacing)
     s1, d1 = _fade(1.0 + (parameters[1] - abs(y[1])) / spacing)
     s2, d2 = _fade(2.0 + (abs(y[2]) - parameters[2]) / spacing)
-    ds[0] = -math.copysign(d0 * s1 * s2 / spacing, y[0])
-    ds[1] = -math.copysign(s0 * d1 * s2 / spacing, y[1])
-    ds[2] = math.copysign(s0 * s1 * d2 / spacing, y[2])
-    return s0 * s1 * s2
+    ds0, ds1 = -math.copysign(d0 * s1 * s2 / spacing, y[0]), -math.copysign(s0 * d1 * s2 / spacing, y[1])
+    return s0 * s1 * s2, (ds0, ds1, math.copysign(s0 * s1 * d2 / spacing, y[2]))
 
 
 @njit(cache=True)

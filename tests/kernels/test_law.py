@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import coulomb
-from fenics_contact.kernels.law import Gaps, Law, Partials, friction_limit, partials, traction
+from fenics_contact.kernels.law import Gaps, Law, Partials, friction_limit, partials, rubbing, traction
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 
 pytestmark = pytest.mark.serial
@@ -44,13 +44,19 @@ def test_a_law_says_whether_it_asks_for_a_pressure():
     assert not any(law.asks_pressure for law in (SMOOTH, SOME, GROOVED))
 
 
+def law_under(gaps, friction, eps_n=EPS_N, touch=0.0):
+    """The law of a point that these gaps decide on."""
+    return Law(eps_n, EPS_T, rubbing(friction, 0, -eps_n * gaps.decides), touch)
+
+
 def at(name, press=None, n=NORMAL, w=WAY, eps_n=EPS_N, along=None):
     """(law, gaps, n, w) of a point; a press of its own decides with it, unless another pressure was foreseen."""
     _, friction, own, decides = POINTS[name]
     friction = friction if along is None else friction._replace(along=tuple(map(float, along)))
     press = own if press is None else press
     decides = press if own == decides else decides * EPS_N / eps_n
-    return Law(eps_n, EPS_T, friction, 0.0), Gaps(press, decides), tuple(map(float, n)), tuple(map(float, w))
+    gaps = Gaps(press, decides)
+    return law_under(gaps, friction, eps_n), gaps, tuple(map(float, n)), tuple(map(float, w))
 
 
 def numbers(point):
@@ -132,8 +138,8 @@ def test_two_directions_allow_what_the_ellipse_does(angle):
     """mu_1 = 0.3 along (1, 2, 0) and mu_2 = 0.6 across: |T_T| = p / sqrt((cos/mu_1)^2 + (sin/mu_2)^2), against the slip."""
     turn, c, s = np.arctan2(2.0, 1.0) + np.radians(angle), np.cos(np.radians(angle)), np.sin(np.radians(angle))
     way = (float(np.cos(turn)), float(np.sin(turn)), 0.0)
-    law = Law(EPS_N, EPS_T, coulomb(0.3, across=0.6, along=(1.0, 2.0, 0.0)), 0.0)
-    found = traction(law, Gaps(-0.1, -0.1), UP, way)
+    gaps = Gaps(-0.1, -0.1)
+    found = traction(law_under(gaps, coulomb(0.3, across=0.6, along=(1.0, 2.0, 0.0))), gaps, UP, way)
     size = 5.0 / np.hypot(c / 0.3, s / 0.6)
     np.testing.assert_allclose(found.tangential, size * np.array(way), rtol=0, atol=1e-14)
     np.testing.assert_allclose(found.size / found.limit, EPS_T / size, rtol=1e-14)
@@ -185,7 +191,8 @@ def test_a_function_of_the_pressure_is_met(mu):
     ],
 )
 def test_a_point_on_a_plane(mu, press, decides, way, status, pressure, friction):
-    found = traction(Law(EPS_N, EPS_T, coulomb(mu), 0.0), Gaps(press, decides), UP, (way, 0.0, 0.7))
+    gaps = Gaps(press, decides)
+    found = traction(law_under(gaps, coulomb(mu)), gaps, UP, (way, 0.0, 0.7))
     assert found.status == status
     np.testing.assert_allclose(found.T, (friction, 0.0, -pressure), rtol=4e-16, atol=0)
     assert found.T[2] == found.N and found.tangential == (found.T[0], 0.0, 0.0)
@@ -194,16 +201,18 @@ def test_a_point_on_a_plane(mu, press, decides, way, status, pressure, friction)
 
 
 def test_round_off_decides_nothing():
-    touching = Law(EPS_N, EPS_T, SOME, 1e-8)
+    gaps = Gaps(1e-9, 1e-9)
+    touching = law_under(gaps, SOME, touch=1e-8)
     # a gap of round-off is closed, and presses on nothing: a way beyond round-off slips freely
     for way, status in ((1e-9, STICK), (1e-3, SLIP)):
-        found = traction(touching, Gaps(1e-9, 1e-9), UP, (way, 0.0, 0.0))
-        by = partials(touching, Gaps(1e-9, 1e-9), UP, (way, 0.0, 0.0), found)
+        found = traction(touching, gaps, UP, (way, 0.0, 0.0))
+        by = partials(touching, gaps, UP, (way, 0.0, 0.0), found)
         assert (found.status, found.N) == (status, EPS_N * 1e-9) and by.g == (0.0, 0.0, EPS_N)
     assert found.tangential == (0.0, 0.0, 0.0)
     assert traction(touching, Gaps(2e-8, 2e-8), UP, (0.0, 0.0, 0.0)).status == OPEN
     # on the cone to round-off it slips, under the traction of its way
-    law, gaps = Law(EPS_N, EPS_T, SOME, 0.0), Gaps(-0.1, -0.1)
+    gaps = Gaps(-0.1, -0.1)
+    law = law_under(gaps, SOME)
     for share, status in ((1 - 1e-6, STICK), (1 - 1e-9, SLIP)):
         found = traction(law, gaps, UP, (share * 1.5 / EPS_T, 0.0, 0.0))
         assert found.status == status and abs(found.T[0] - share * 1.5) < 1e-15
@@ -214,20 +223,21 @@ def samples(count):
     for _ in range(count):
         n, w = rng.normal(size=3), rng.normal(size=3) * 10.0 ** rng.uniform(-3, 0)
         press = rng.uniform(-0.2, 0.05)
-        law = Law(EPS_N * 10.0 ** rng.uniform(-1, 1), EPS_T, (SMOOTH, SOME, FALLING, CAPPED)[rng.integers(4)], 0.0)
-        yield law, Gaps(press, press), tuple(n / np.linalg.norm(n)), tuple(w)
+        eps_n, gaps = EPS_N * 10.0 ** rng.uniform(-1, 1), Gaps(press, press)
+        friction = (SMOOTH, SOME, FALLING, CAPPED)[rng.integers(4)]
+        yield friction, law_under(gaps, friction, eps_n), gaps, tuple(n / np.linalg.norm(n)), tuple(w)
 
 
 def test_friction_stays_on_its_cone_and_dissipates():
     seen = set()
-    for law, gaps, n, w in samples(400):
+    for given, law, gaps, n, w in samples(400):
         found = traction(law, gaps, n, w)
         seen.add(found.status)
         T, trial, friction = (np.array(part) for part in (found.T, found.trial, found.tangential))
         assert found.N <= 0.0  # no adhesion
-        most = law.friction.mu * abs(found.N)
-        if law.friction.exponent != 0.0:
-            most = min(most * (abs(found.N) / 0.5) ** (-1 / 3), law.friction.shear) if found.N else 0.0
+        most = given.mu * abs(found.N)
+        if given.exponent != 0.0:
+            most = min(most * (abs(found.N) / 0.5) ** (-1 / 3), given.shear) if found.N else 0.0
         assert np.linalg.norm(friction) <= most * (1 + 1e-15)  # rounding of a power, a root and a quotient
         # rounding of the way's part along n, times eps_t
         assert abs(friction @ n) < 1e-14 * EPS_T * max(np.linalg.norm(w), 1e-3)

@@ -403,6 +403,19 @@ def test_committing_changes_no_traction(place, law, k):
 
 
 @pytest.mark.parametrize("k", [1, 4])
+@pytest.mark.parametrize("kind, shape, y", [(SPHERE, BALL, [0.9, 0.4, 1.3]), (BOX, SHARP, [2.1, 0.2, 1.1]),
+                                            (BOX, SHARP, [0.3, 0.2, 0.95])])  # fmt: skip
+def test_slips_lead_along_the_tool_to_where_open_points_are_anchored(kind, shape, y, k):
+    tool = Tool(kind, shape)
+    contact = Contact(tool, y, np.array([0.0, 0.0, 1.0]), k)
+    rests, slips = contact.anchor - np.array([0.1, -0.2, 0.3]), np.full_like(contact.anchor, np.nan)
+    element.slips_from(*contact._at(contact.u, contact.travel), rests, slips)
+    way, n = contact.commit(touch=-np.inf)[0] - rests, contact.normals(contact.u, contact.travel) @ tool.axes
+    expected = way - np.einsum("eqc,qc->eq", way, n)[..., None] * n
+    np.testing.assert_allclose(slips, expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("k", [1, 4])
 def test_an_open_point_is_anchored_where_it_will_land(k):
     contact, _ = build("sphere", "open", k)
     contact.accept()

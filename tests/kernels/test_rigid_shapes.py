@@ -102,8 +102,8 @@ PLACES = {
 
 
 def at(kind, parameters, y):
-    n, H, active = np.full(3, np.nan), np.full((3, 3), np.nan), np.empty(3)
-    g = signed_distance(kind, parameters, np.asarray(y, float), active, n, H)
+    n, H = np.full(3, np.nan), np.full((3, 3), np.nan)
+    g = signed_distance(kind, parameters, np.asarray(y, float), n, H)
     return g, n, H
 
 
@@ -428,8 +428,8 @@ ZONE = {
 
 
 def cover_at(y, parameters=SHARP, kind=BOX):
-    ds = np.full(3, np.nan)
-    return edge_cover(kind, parameters, np.asarray(y, float), SPACING, ds), ds
+    s, ds = edge_cover(kind, parameters, np.asarray(y, float), SPACING)
+    return s, np.array(ds)
 
 
 @pytest.mark.parametrize("place", ZONE)
