@@ -33,6 +33,9 @@ QUICK = 10  # solves within which a step from a start on the curve has to end; e
 AT_ONCE, EARLY, HOPE = 5, 8, 0.5
 
 
+Motion = tuple[Floats, Floats]  # of supports' dofs and of the tools' coordinates
+
+
 class Patience(NamedTuple):
     """Solves of a step: after the first `follow` samples of averages follow the surfaces, as they do in the end; `proof`:
     within which less than HOPE has to be left once; `limit`: the most."""
@@ -47,8 +50,8 @@ class Patience(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """How an increment was taken: the out-of-balance share where it ended, the share of it that is left undone because an
-    element would turn inside out, and whether it was shortened because it did not lower the force."""
+    """How an increment was taken: the out-of-balance share where it ended, the share of it that is left undone, since an
+    element would turn inside out or it did not lower the force, and whether it was shortened for the latter."""
 
     size: float
     left: float = 0.0
@@ -109,29 +112,30 @@ class Newton:
                 return report
         return self._iterate(system, owed, report, Patience(0, self.limit, self.limit))
 
-    def _iterate(self, system: System, owed: tuple[Floats, Floats], report: StepReport, patience: Patience) -> StepReport:
-        """Solve until there is balance; owed: the motion of supports and tools that the first solve may carry."""
-        watch, before = StatusWatch(system, report.notes), np.inf
+    def _iterate(self, system: System, motion: Motion, report: StepReport, patience: Patience) -> StepReport:
+        """Solve until there is balance; motion: that of supports and tools, which the first solve carries as far as it is
+        taken, and the next ones on."""
+        watch, before, owed = StatusWatch(system, report.notes), np.inf, 1.0
         corrections = Corrections(system, self.linear, self.tolerance, report)
         system.assemble_residual()
         for solve in range(1, patience.limit + 1):
             advance = first_solve if solve == 1 else solve_once
-            increment = advance(system, self.linear, *owed, forcing(before, self.tolerance))
+            du, dq = (owed * part for part in motion)
+            increment = advance(system, self.linear, du, dq, forcing(before, self.tolerance))
             report.iterations += 1
             system.foresight.release()
             taken = self._taken(system, increment, before, watch.cycling)
-            size = corrections.after(increment, taken.whole, before, taken.size)
-            before = np.inf if taken.left else size  # what is left of the motion is carried whole, as by the first solve
+            before = size = corrections.after(increment, taken.whole, before, taken.size)
             if system.condensed:
                 size = relative_residual(system)  # assembled last: the next right-hand side
             report.residuals.append(size)
-            if taken.left == 0.0 and balanced(system, size, self.tolerance):
+            owed *= taken.left
+            if owed == 0.0 and balanced(system, size, self.tolerance):
                 return report
             watch.look(report.residuals)
             if patience.is_out(solve, report.residuals):
                 break
             _look_ahead(system, size > HELD and not taken.shortened, corrections.samples.free and solve <= patience.follow)
-            owed = taken.left * owed[0], taken.left * owed[1]
         watch.blame()
         raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance")
 
@@ -142,7 +146,8 @@ class Newton:
         if foresight.foretells and not np.isfinite(size):
             return Taken(*put_upright(system, increment))
         if size > before and not foresight.settles:
-            return Taken(self.shorten(system, increment, before, size, strict), shortened=True)
+            size, share = self.shorten(system, increment, before, size, strict)
+            return Taken(size, 1.0 - share, shortened=True)
         return Taken(upright(size))
 
     shorten = staticmethod(shorten)  # its own name: studies take it away

@@ -30,8 +30,9 @@ def put_upright(system: System, increment: Solution) -> tuple[float, float]:
     raise StepFailed("an element turned inside out")
 
 
-def shorten(system: System, increment: Solution, before: float, size: float, strict: bool) -> float:
-    """Where a full step does not lower the out-of-balance share, halve it while that helps; returns the one then.
+def shorten(system: System, increment: Solution, before: float, size: float, strict: bool) -> tuple[float, float]:
+    """Where a full step does not lower the out-of-balance share, halve it while that helps; returns the one then, and what
+    part of the increment was taken.
 
     before, size: that at its beginning and at its end. Where no part lowers it, as of nearly incompressible cells carried
     far, and there is no contact, all of it is taken. Condensed unknowns follow the tangent here. strict: halve it until it
@@ -39,7 +40,7 @@ def shorten(system: System, increment: Solution, before: float, size: float, str
     where the first one does.
     """
     if not strict and (turn := _to_turn(system, increment)) != 0.0:
-        return upright(move(system, increment, 1.0, turn))
+        return upright(move(system, increment, 1.0, turn)), turn
     share, whole = 1.0, size
     while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
         shorter = move(system, increment, share, 0.5 * share)
@@ -50,8 +51,8 @@ def shorten(system: System, increment: Solution, before: float, size: float, str
     else:
         # no part lowers it, and the shortest ones would creep; kinks of contacts a whole step may pass the wrong way
         if size > before and np.isfinite(whole) and not system.contact_terms:
-            size = move(system, increment, share, 1.0)
-    return upright(size)
+            size, share = move(system, increment, share, 1.0), 1.0
+    return upright(size), share
 
 
 def _to_turn(system: System, increment: Solution) -> float:

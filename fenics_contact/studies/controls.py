@@ -14,8 +14,8 @@ class FullSteps(Newton):
     """Newton's method without a line search."""
 
     @staticmethod
-    def shorten(system: System, increment: Solution, before: float, size: float, strict: bool) -> float:
-        return upright(size)
+    def shorten(system: System, increment: Solution, before: float, size: float, strict: bool) -> tuple[float, float]:
+        return upright(size), 1.0
 
 
 STEPPERS["full steps"] = FullSteps
