@@ -27,7 +27,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.stage import Stage
 from fenics_contact.scene.within_cells import stiffnesses
 from fenics_contact.solvers.chord_error import chord_error, is_round, rounder
-from fenics_contact.solvers.friction_error import between_nodes, by_own_ways, friction_error
+from fenics_contact.solvers.friction_error import at_limits, between_nodes, friction_error
 from fenics_contact.solvers.giving import gives
 from fenics_contact.solvers.linear import LinearSolver
 from fenics_contact.solvers.node_error import deeper, lifted, node_error
@@ -125,7 +125,7 @@ def errors(system: System, solver: LinearSolver, section: Section | None, result
     round_, deep, between = is_round(system), deeper(system), between_nodes(system)
     varied = [stiffer(system)]
     varied += [rounder(system)] if round_ else []
-    varied += [by_own_ways(system, between)] if between else []
+    varied += [at_limits(system, between)] if between else []
     varied += [lifted(system, deep)] if deep else []
     # points follow what shifts them but for a penetration, all that presses: a solve must tell that from the way
     tolerance = LINEAR * min(deep.part, 1.0) if deep else LINEAR

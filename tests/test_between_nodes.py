@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import Body, Scene, Stage, neo_hooke, read_gmsh, solve
-from fenics_contact.contact.own_ways import add_rubbing
+from fenics_contact.contact.turning import add_rubbing
 from fenics_contact.meshes import rectangles
 
 pytestmark = pytest.mark.parallel
@@ -49,8 +49,8 @@ def test_friction_that_turns_round_between_nodes_is_told(steps):
     """It slides out both ways from the middle node, on which no friction acts, nor all of it within a cell beside that."""
     (load, said, (note,)), (finer, less, none) = swollen(1, steps=steps), swollen(2)
     lost = finer / load - 1.0
-    assert 0.03 < lost < said < 1.5 * lost  # 0.036 with cells half as wide, 0.038 and 0.048 are said
-    assert f"the load would change by about {said:+.1%}" in note
+    assert 0.03 < lost < said < 1.5 * lost  # 0.036 with cells half as wide, 0.05 is said
+    assert f"the load would change by {said:+.1%}" in note
     assert 0.0 < less < 0.3 * said and not none
 
 
@@ -63,7 +63,7 @@ def test_half_of_it_is_told_the_same():
 def test_friction_of_one_way_has_nothing_between_nodes():
     """Pulled, all of it slides along; what was lost as it swelled is told of that stage."""
     result = packer(1, way=2.0)
-    assert result.summary["friction_error"] == {}
+    assert abs(result.summary["friction_error"]["c"]["load_change_over_load"]) < 1e-3
     (note,) = (note for note in result.verdict.notes if SAID in note)
     assert note.startswith("stage 'swell'")
     (leans,) = (note for note in result.verdict.notes if "lean" in note)
@@ -86,3 +86,46 @@ def test_what_rubs_more_acts_on_both_bodies():
         np.array([sizes.sum(), contact.forces.grip(state)[1], (more[:, 1] * np.sign(feet.points[:, 1])).sum()])
     )
     assert 0.9 * total < outward <= total < limit
+
+
+def pad(cells, friction, squeeze, steps=4):
+    """A rubber pad 10 x 4 between rough plates, which are squeezed together by a share of its height."""
+    drawn = {
+        "pad": ((-5.0, 0.0), (10.0, 4.0), (cells, 4)),
+        "lower": ((-7.0, -1.5), (14.0, 1.5), (cells + 2, 2)),
+        "upper": ((-7.0, 4.0), (14.0, 1.5), (cells + 2, 2)),
+    }
+    mesh = read_gmsh(rectangles.build, rectangles=drawn)
+    plates = (Body(mesh, name, neo_hooke(200.0, 400.0)) for name in ("lower", "upper"))
+    scene = Scene(Body(mesh, "pad", neo_hooke(1.0, 10.0)), *plates, plane="strain", degree=2)
+    scene.fix("lower_ymin")
+    scene.fix("upper_ymax", "x")
+    scene.prescribe("upper_ymax", "y", -4.0 * squeeze)
+    scene.contact("pad_ymin", "lower_ymax", friction=friction, name="below")
+    scene.contact("pad_ymax", "upper_ymin", friction=friction, name="above")
+    result = solve(scene, steps=steps).require()
+    said = result.summary["friction_error"].get("below", {"load_change_over_load": 0.0})["load_change_over_load"]
+    return result.column("below_load_N")[-1], said, [note for note in result.verdict.notes if SAID in note]
+
+
+@pytest.mark.parametrize("friction", [1.0, 10.0])
+def test_what_sticks_altogether_has_nothing_between_nodes(friction):
+    """Places between nodes of degree 2 move a little, held by nothing; by their own ways they were said to rub with all the
+    friction there is: 26 and 263 % more load, of which 1 % is missing."""
+    _, said, notes = pad(4, friction, 0.2)
+    assert abs(said) < 0.01 and not notes
+
+
+@pytest.mark.parametrize("steps", [4, [0.25, 0.5, 0.75, 0.99, 1.0]], ids=["even", "a short one last"])
+def test_a_pad_that_spreads_both_ways_is_told(steps):
+    """With 16 cells it has 12 % more load. However short the last step, in which places go next to no way of their own."""
+    load, said, notes = pad(2, 0.3, 0.15, steps)
+    lost = pad(16, 0.3, 0.15)[0] / load - 1.0
+    assert 0.1 < lost < said < 1.3 * lost and len(notes) == 2
+
+
+@pytest.mark.parametrize("steps", [2, 8])
+def test_where_a_part_sticks_no_more_is_told_than_can_be_missing(steps):
+    """By places' own ways -13 ... +4 %, by the steps; 1.3 % is missing."""
+    _, said, _ = pad(4, 0.3, 0.15, steps)
+    assert -0.02 < said < 0.05

@@ -273,8 +273,8 @@ class ContactFindings(Findings, Protocol):
         """A point lies where two parts of a union meet; by: one beside a place (3,) of the reference [length]."""
 
     def between_nodes(self, state: State) -> tuple[Floats, Floats]:
-        """What places between nodes would rub with more: forces at samples (m, 3), as a Trial takes them, and sums of their
-        sizes around the points (n,) [force]. Collective."""
+        """What places between nodes would rub with more, were friction at its limit where it turns round there: forces at
+        samples (m, 3), as a Trial takes them, and sums of their sizes around the points (n,) [force]. Collective."""
 
     def nodes_deeper(self, state: State) -> Floats:
         """How much deeper (ne, nq) [length] than the points that hold them surfaces lie around these. Collective."""

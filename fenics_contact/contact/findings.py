@@ -282,11 +282,9 @@ class Findings:
         return find(self._contact, state)
 
     def between_nodes(self, state: State) -> tuple[Floats, Floats]:
-        """What places between nodes would rub with more, each by its own way in the step accepted last: forces at samples
-        (np, 3), as a Trial takes them, (0, 3): points are alone, and sums of their sizes around the points (n,) [force].
-        Collective."""
-        contact, h = self._contact, self._contact.trial.history
-        return contact.partner.more_friction(contact.places.feet(state), contact.trial.remembering(anchors=h.before))
+        """See `ContactFindings.between_nodes`; (0, 3): points are alone."""
+        contact = self._contact
+        return contact.partner.more_friction(contact.places.feet(state), contact.trial)
 
     def misstated(self, state: State) -> Finding | None:
         """The penalty that is stated is far from the stiffness of the bodies."""

@@ -13,9 +13,9 @@ from fenics_contact.contact.node_laws import NodeLaws
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.node_places import NodePlaces, ends_at
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
-from fenics_contact.contact.own_ways import add_rubbing, more_friction
 from fenics_contact.contact.partner import weighed
 from fenics_contact.contact.samples import Samples
+from fenics_contact.contact.turning import add_rubbing, more_friction
 from fenics_contact.contact.unit import unit
 from fenics_contact.kernels import mortar as kernel
 from fenics_contact.kernels.closest_point import NONE
@@ -186,8 +186,8 @@ class MortarPartner(OnFacets):
         return np.empty((0, 2))
 
     def more_friction(self, feet: MortarFeet, trial: Trial) -> tuple[Floats, Floats]:
-        """See `own_ways.more_friction`."""
-        return more_friction(self._laws, self.places.around.number, feet, trial)
+        """See `turning.more_friction`."""
+        return more_friction(self._laws, self.places.around, feet, trial)
 
     def lean(self, feet: MortarFeet, trial: Trial) -> Floats:
         """Sums over this rank's samples of what acts aside, a vector of nodes in facets at the slave's ends and creases and

@@ -164,7 +164,7 @@ class Partner(ContactPartner, Protocol):
         """Of averages: sums over this rank's samples of what acts aside, of the load and of friction (14,) [force]."""
 
     def more_friction(self, feet: Any, trial: Trial) -> tuple[Floats, Floats]:
-        """What averages would rub with more between nodes, see `own_ways`: forces on the master at samples (m, 3), and sums
+        """What averages would rub with more between nodes, see `turning`: forces on the master at samples (m, 3), and sums
         of their sizes around the points (n,) [force]."""
 
     def held_axes(self, state: State, gap: Floats, rough: bool) -> set[str]:

@@ -136,6 +136,17 @@ class SlaveFacets:
         out = replace(surface, key=key, **{name: getattr(surface, name)[of] for name in names})
         return replace(out, area=part * out.area)
 
+    def at_corners(self, values: Floats) -> Floats:
+        """Values (nf, m, v) at the facets' corners, of those (ns, v) of all processes' own nodes, else zero, as at the far
+        side of a strip; beyond a crease on another process it may be that of its other side. Collective."""
+        out, parts = np.asarray(values[self.number], dtype=float), self._skin.comm.allgather((self.own, values))
+        own, theirs = (np.concatenate(part) for part in zip(*parts, strict=True))
+        out[self.number < 0] = 0.0
+        nodes, first = np.unique(own, return_index=True)
+        elsewhere = (self.number < 0) & np.isin(self.corners, nodes)
+        out[elsewhere] = theirs[first[np.searchsorted(nodes, self.corners[elsewhere])]]
+        return out
+
     def shapes(self, places: Floats) -> tuple[Floats, Floats]:
         """Shape functions (nq, k) of the facets' nodes and their gradients (nq, 2, k) at places (nq, 2)."""
         if not self._skin.whole:

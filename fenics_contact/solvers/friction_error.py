@@ -1,4 +1,4 @@
-"""What it costs that friction is linear between nodes: how loads would change, did each place there rub by its own way."""
+"""What it costs that friction is linear between nodes: how loads would change, were it at its limit where it turns round."""
 
 from typing import NamedTuple
 
@@ -36,8 +36,8 @@ def between_nodes(system: System) -> BetweenNodes | None:
     return found if some else None
 
 
-def by_own_ways(system: System, found: BetweenNodes) -> Vary:
-    """Places between nodes rub by s times what they would more."""
+def at_limits(system: System, found: BetweenNodes) -> Vary:
+    """Places between nodes rub by s times what they would more at their limit."""
 
     def vary(term: ContactTerm, s: float) -> Trial:
         return term.penalties.stiffened(system.state, 1.0).rubbing(s * found.more[term.name])
