@@ -27,14 +27,14 @@ from fenics_contact.solvers.verdict import StepFailed, Verdict
 
 pytestmark = pytest.mark.parallel
 COMM = MPI.COMM_WORLD
-RADIUS, WIDTH, TAIL = 25.0, 0.25, 10.0  # mm
+RADIUS, WIDTH, TAIL = 25.0, 0.2, 10.0  # mm
 
 
-def strap(**options):
-    """A strap of 0.25 mm bent over a sixth of a drum, from straight and tight; it presses with T/R, 0.002 of its modulus."""
+def strap(width=WIDTH, **options):
+    """A strap of 0.2 mm bent over a sixth of a drum, from straight and tight; it presses with T/R, 0.002 of its modulus."""
     turn, cells = np.pi / 6, 48
     length = RADIUS * turn + TAIL
-    size = (TAIL + length, WIDTH, 1.0)
+    size = (TAIL + length, width, 1.0)
     mesh = read_gmsh(box.build, size=size, cells=(cells, 2, 1), origin=(-TAIL, RADIUS, 0.0), name="strap")
     scene = Scene(Body(mesh, "strap", neo_hooke(mu=0.4, K=5.0)))
     for group, axes in (("xmin", "xy"), ("zmin", "z"), ("zmax", "z")):
@@ -67,17 +67,26 @@ def test_a_thin_strap_with_no_number_typed():
         assert abs(plain.history[-1][name] - typed.history[-1][name]) < 0.02 * size
 
 
+@pytest.mark.parametrize("width", [0.25, 0.15])
+def test_what_touches_first_is_led_there_without_friction(width):
+    """Within the step it goes through the drum by more than its width: with friction Newton's method fails there, and the
+    softer penalties that came to its help were those of all later steps."""
+    result = solve(strap(width), steps=[0.5, 0.6, 0.7, 0.8, 0.9, 1.0]).require()
+    assert result.verdict.cuts == 0 and not any("softer penalties" in note for note in result.verdict.notes)
+    assert result.column("residual")[-1] < 1e-8
+
+
 def test_a_resumed_run_knows_that_softer_penalties_help(tmp_path):
     """It would fail in its first step, and solve that with other iterates."""
-    out, steps = COMM.bcast(tmp_path), [0.5, 0.6, 0.7, 0.8]
+    out, steps = COMM.bcast(tmp_path), [0.5, 0.75, 0.9]
 
     def go(folder, upto, resume=False):
         kept = Output(out / folder, checkpoint=True, resume=resume)
         return solve(strap(), steps=steps[:upto], out=kept).require()
 
-    whole, part = go("whole", 4), go("parts", 3)
+    whole, part = go("whole", 3), go("parts", 2)
     assert any("softer penalties first" in note for note in part.verdict.notes)
-    resumed = go("parts", 4, resume=True)
+    resumed = go("parts", 3, resume=True)
     if COMM.size == 1:  # on several the solver's sums differ from run to run, and what iterates that fail leave with them
         assert resumed.column("iterations").tolist() == whole.column("iterations").tolist()
         assert resumed.verdict.notes == whole.verdict.notes

@@ -9,7 +9,9 @@ import numpy as np
 from fenics_contact.assembly.contact_term import ContactTerm
 from fenics_contact.assembly.term import State, Term
 from fenics_contact.assembly.trial import Trials
-from fenics_contact.types import Floats
+from fenics_contact.types import Array, Floats
+
+FEW = 0.1  # of the points in contact
 
 
 class Foresight:
@@ -25,12 +27,13 @@ class Foresight:
         self.foretells = bool(contacts) and all(contact.partner.foretells for contact in contacts)
         self.settles = self.foretells and all(contact.partner.settles for contact in contacts)
         self.linearised: dict[Term, Any] = {}
+        self._statuses: dict[Term, Array] = {}  # of its points then
         self._told: dict[ContactTerm, Floats] = {}  # what the last tangent foresaw, where samples have changed since
         self._samples_held = False
 
     def learn(self, term: Term, at: Any) -> None:
         """A tangent has been taken where a term's points were `at`."""
-        self.linearised[term] = at
+        self.linearised[term], self._statuses[term] = at, term.statuses()
 
     def foresee(self, state: State) -> None:
         """Let contacts take what the last tangent foresees at the state as their own unknowns, until `release`."""
@@ -40,6 +43,20 @@ class Foresight:
     def _foreseen(self, state: State) -> dict[ContactTerm, Floats]:
         known = [contact for contact in self.contacts if contact in self.linearised]
         return {c: c.partner.foreseen(c.places.feet(state), self.linearised[c], c.trial) for c in known}
+
+    def changes_little(self, state: State) -> bool:
+        """Whether hardly a point has, by what the last tangent foresees at the state, another status than it had in that
+        tangent. Leaves contacts judging by their gaps. Collective."""
+        self.foresee(state)
+        changed = in_contact = 0
+        for contact in self.contacts:
+            contact.response(state)
+            then, now = self._statuses.get(contact, contact.statuses()), contact.statuses()
+            changed += int(np.count_nonzero(now != then))
+            in_contact += int(np.count_nonzero(now))
+        self.release()
+        changed, in_contact = state.comm.allreduce(np.array([changed, in_contact]))
+        return bool(changed <= FEW * in_contact)
 
     def first_turns(self, state: State) -> tuple[float, float]:
         """After which share of the way from where the last tangent was taken the first of the points that slipped in it has

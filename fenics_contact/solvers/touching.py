@@ -15,6 +15,16 @@ LEAST = 0.002  # of the largest force: friction that matters to nothing yet, as 
 FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies touch
 
 
+def untouched(system: System) -> list[ContactTerm]:
+    """Contacts with friction that carry nothing at the state. Collective."""
+    rough = [contact for contact in system.contact_terms if contact.rough]
+    carry = [bool(contact.forces.idle(system.state)[1].any()) for contact in rough]
+    if not rough:
+        return []
+    any_carry = np.any(system.comm.allgather(carry), axis=0)
+    return [contact for contact, carries in zip(rough, any_carry, strict=True) if not carries]
+
+
 class FirstTouch:
     """Looks for friction that a step's state has of a way through the air.
 

@@ -24,11 +24,12 @@ LEFT = re.compile(r"\S+ of the force")  # the figure in a reason, another one at
 
 
 class StepFailed(RuntimeError):
-    """A step did not converge; the message says why, and `finding` what is known of the cause."""
+    """A step did not converge; the message says why, and `finding` what is known of the cause; left: share of the force out
+    of balance in the end, where that is known, else all of it."""
 
-    def __init__(self, reason: str, kind: str = UNKNOWN, place: str = "", remedy: str = "") -> None:
+    def __init__(self, reason: str, kind: str = UNKNOWN, place: str = "", remedy: str = "", *, left: float = 1.0) -> None:
         super().__init__(reason)
-        self.finding = Finding(kind, reason, place, remedy)
+        self.finding, self.left = Finding(kind, reason, place, remedy), left
 
     @classmethod
     def of(cls, finding: Finding) -> "StepFailed":
