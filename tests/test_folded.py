@@ -17,7 +17,7 @@ from fenics_contact import (
     rigid_torus,
     solve,
 )
-from fenics_contact.meshes import box, rectangles
+from fenics_contact.meshes import box, o_ring, rectangles
 from fenics_contact.output.fields import surfaces_of
 
 pytestmark = pytest.mark.parallel
@@ -175,3 +175,52 @@ def test_a_roller_between_nodes_is_one_matter():
     result = solve(scene, move={roller: (0.0, -0.24, 0.0)}, steps=4)
     first, worst = (note for note in result.verdict.notes if "between nodes the surface hangs" in note)
     assert "a third or more" not in first and "where this is worst" in worst and "a third or more" in worst
+
+
+def rolled(angle, dim):
+    """What is said of one cell of degree 2, 2 long, that is rolled up by an angle [rad] from end to end, or twisted."""
+    if dim == 2:
+        mesh = read_gmsh(rectangles.build, rectangles={"body": ((-1.0, -0.25), (2.0, 0.5), (1, 1))})
+        scene = Scene(Body(mesh, "body", neo_hooke(1.0, 10.0)), degree=2, plane="strain")
+    else:
+        mesh = read_gmsh(box.build, size=(2.0, 0.5, 0.5), cells=(1, 1, 1), origin=(-1.0, -0.25, -0.25), name="body")
+        scene = Scene(Body(mesh, "body", neo_hooke(1.0, 10.0)), degree=2)
+    scene.fix("xmin" if dim == 3 else "body_xmin")  # asked of every scene; the displacement is none of its balance
+    u = scene.system().state.u
+    x, y, z = X = scene.space.tabulate_dof_coordinates().T
+    turn = 0.5 * angle * x
+    c, s = np.cos(turn), np.sin(turn)
+    if dim == 2:  # about an axis so far away that the middle line keeps its length
+        radius = 2.0 / angle
+        places = np.stack([(radius + y) * s, (radius + y) * c - radius, z])
+    else:
+        places = np.stack([x, c * y - s * z, s * y + c * z])
+    u.x.array[:] = (places - X).T.ravel()
+    return scene.volume_ratio(u).look()[1].get("folded")
+
+
+@pytest.mark.parametrize(("dim", "within", "beyond"), [(2, 160, 240), (3, 200, 280)])
+def test_a_cell_that_is_folded_is_told(dim, within, beyond):
+    """By its corners' turns against its middle, half of what both ends turn against each other, from 90 degrees on in the
+    plane, from 120 in space."""
+    assert rolled(np.radians(within), dim) is None
+    assert "a cell is folded" in rolled(np.radians(beyond), dim).text
+
+
+def test_a_crown_that_a_long_step_has_folded_under_is_told():
+    """Half a disc squeezed by a smooth lid by 30 % in one step: its crown hangs 0.49 below the lid, turned over, in balance,
+    J above 0.4 all over; in steps it lies on the lid."""
+    mesh = read_gmsh(o_ring.build, radius=5.0, centre=0.0, cells=5)
+    notes, crown = {}, {}
+    for steps in (1, 4):
+        scene = Scene(Body(mesh, "ring", neo_hooke(1.0, 50.0)), plane="strain", degree=2, element="mixed")
+        scene.fix("symmetry_y", "y")
+        scene.spring("symmetry_y", 1e-6, direction=(1, 0, 0))
+        lid = rigid_plane((0, 5, 0), (0, -1, 0), name="lid")
+        scene.contact("rim", lid, name="c")
+        record = {"crown": lambda view: view.at((0, 5, 0)).displacement[1]}
+        result = solve(scene, move={lid: (0, -1.5, 0)}, steps=steps, record=record).require()
+        notes[steps] = [note for note in result.verdict.notes if "a cell is folded" in note]
+        crown[steps] = result.column("crown")[-1]
+    assert abs(crown[4] + 1.5) < 0.01 and not notes[4]
+    assert abs(crown[1] + 1.5) < 0.01 or len(notes[1]) == 1  # whichever of both Newton's method comes to

@@ -30,7 +30,7 @@ def more_friction(laws: NodeLaws, around: SlaveFacets, feet: MortarFeet, trial: 
     limits = np.where(N < 0.0, limits * shares, 0.0)
     slides = np.linalg.norm(T, axis=1) >= AT_LIMIT * limits
     known = around.at_corners(np.column_stack([T, limits, slides, np.ones(len(N))]))
-    turns = slides | _turned(around, known, feet.kept)
+    turns = slides | _turned(around, known, feet)
     told = (around.at_corners(turns[:, None])[..., 0] == known[..., 5]).all(axis=1)
     slaves, normals = feet.samples.slaves, feet.projection[5]
     facet = slaves.facet
@@ -43,17 +43,19 @@ def more_friction(laws: NodeLaws, around: SlaveFacets, feet: MortarFeet, trial: 
     return np.asarray(force - (force * normals).sum(axis=1, keepdims=True) * normals), np.asarray(sizes, dtype=float)
 
 
-def _turned(around: SlaveFacets, known: Floats, kept: Floats) -> Bools:
-    """At which own nodes (ns,) friction of the nodes around that are at their limit turns round.
+def _turned(around: SlaveFacets, known: Floats, feet: MortarFeet) -> Bools:
+    """At which own nodes (ns,) friction of the nodes around that are at their limit turns round, seen along the own normal:
+    the surface may be round. known (nf, m, 6): tractions, limits and whether these are reached at the corners.
 
-    known (nf, m, 6): tractions, limits and whether these are reached at the corners; kept (ns, 3, 3): what of it counts on
-    planes of symmetry, beyond which the opposite acts."""
-    at_limit = (known[..., 4] > 0.0) & (known[..., 3] > 0.0)
-    ways = np.where(at_limit[..., None], unit(known[..., :3]), 0.0)
+    On planes of symmetry what is not kept there counts for nothing: beyond them the opposite acts."""
+    facets, normals = around.facets, feet.normals[around.group[around.facets, around.places]][:, None]
+    at_limit = (known[facets, :, 4] > 0.0) & (known[facets, :, 3] > 0.0)
+    ways = known[facets, :, :3]
+    ways = np.where(at_limit[..., None], unit(ways - (ways * normals).sum(axis=2, keepdims=True) * normals), 0.0)
     node: Ints64 = np.repeat(np.arange(len(around.own)), np.diff(around.starts))
     sums = np.zeros((len(around.own), 4))
-    np.add.at(sums, node, np.column_stack([ways.sum(axis=1), at_limit.sum(axis=1)])[around.facets])
-    total = np.linalg.norm(np.einsum("nij,nj->ni", kept, sums[:, :3]), axis=1)
+    np.add.at(sums, node, np.column_stack([ways.sum(axis=1), at_limit.sum(axis=1)]))
+    total = np.linalg.norm(np.einsum("nij,nj->ni", feet.kept, sums[:, :3]), axis=1)
     return np.asarray((sums[:, 3] > 0.0) & (total <= AROUND * sums[:, 3]))
 
 

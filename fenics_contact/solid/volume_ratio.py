@@ -1,4 +1,4 @@
-"""J = det F over a mesh: its smallest value, and the cells that turned inside out, wholly or at a corner."""
+"""J = det F over a mesh: its smallest value, and the cells that turned inside out, wholly or at a corner, or are folded."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -19,6 +19,7 @@ from fenics_contact.types import Bools, Floats, Function
 # Jacobian at a corner as drawn, over the cell's mean, up to which strains of a tenth, of which rubber thinks nothing, turn
 # it over: sides all but in line, as where quadrilaterals meet a circle. J is next to 0 / 0 there and tells of the drawing
 FLAT = 0.1
+Shape = tuple[int, ...]
 NEAR = 1e-6  # of a cell: how far from its corners J is asked there, for on the axis the strain around it is 0 / 0
 
 
@@ -33,9 +34,14 @@ class VolumeRatio:
         self._mesh, self._bodies, self._turns = mesh, bodies, section is not None and section.axisymmetric
         corners = basix.geometry(cell)
         near = (1.0 - NEAR) * corners + NEAR * corners.mean(axis=0)
-        J, self._inner = ufl.det(vp.deformation_gradient(u, section)), len(points)
+        F, self._inner = vp.deformation_gradient(u, section), len(points)
         self._points = np.concatenate([points, near])
-        self._evaluate = compat.cell_evaluator(mesh.domain, J, self._points)
+        self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(F), self._points)
+        dim = corners.shape[1]
+        self._part: Shape = len(near) + 1, dim, dim  # what turns: in the plane that part of F
+        inplane = ufl.as_tensor([[F[i, j] for j in range(dim)] for i in range(dim)])
+        middle = corners.mean(axis=0, keepdims=True)
+        self._gradients = compat.cell_evaluator(mesh.domain, inplane, np.concatenate([near, middle]))
 
     def check(self, least: float = 0.0) -> Finding | None:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
@@ -57,20 +63,34 @@ class VolumeRatio:
     def look(self) -> tuple[float, dict[str, Remark]]:
         """Smallest J over all ranks; and what is to be said of the cell with the smallest J at a corner, if that is inside
         out there, though it may not be in its quadrature points, of which alone the stress asks. Collective."""
-        values = self._evaluate()
+        values, folded = self._evaluate(), self._folded()
         smallest = self._mesh.comm.allreduce(float(values[:, : self._inner].min(initial=np.inf)), op=MPI.MIN)
         corners = values[:, self._inner :]
         if not self._mesh.comm.allreduce(not (corners > 0.0).all(), op=MPI.LOR):
-            return smallest, {}
+            return smallest, folded
         found = self._worst(np.where(self._flat, 1.0, corners).min(axis=1, initial=np.inf))
         if found is None:
-            return smallest, {}
+            return smallest, folded
         text = (
             f"{self._place(found)}: a cell is turned inside out at a corner (J = {-found.value:.3g}), which its quadrature "
             "points do not feel: it may stay so and hold what is around it where no body could be; take smaller steps "
             "before, finer cells there, or round the edges that meet there"
         )
-        return smallest, {"corner": Remark(found.value, text)}
+        return smallest, folded | {"corner": Remark(found.value, text)}
+
+    def _folded(self) -> dict[str, Remark]:
+        """What is to be said of a cell that has turned at a corner, against its middle, by more than 90 degrees, in space
+        120: J may be above zero all over it. Collective."""
+        F = self._gradients().reshape(-1, *self._part)
+        found = self._worst(np.einsum("cpij,cij->cp", F[:, :-1], F[:, -1]).min(axis=1, initial=np.inf))
+        if found is None:
+            return {}
+        text = (
+            f"{self._place(found)}: a cell is folded: at a corner it has turned against its middle by more than "
+            f"{90 if self._part[1] == 2 else 120} degrees, as no body can within so few cells, and what a long step has "
+            "folded may stay so in balance; take smaller steps before, or finer cells there"
+        )
+        return {"folded": Remark(found.value, text)}
 
     @cached_property
     def _flat(self) -> Bools:
