@@ -94,10 +94,16 @@ class PivotWatch:
                 else "compare with shorter steps here (arc length, which follows a path, does not go with stabilise= and "
                 'where="open")'
             )
-            if self.system.symmetric and now == (self.negative or 0) + 1 and (loose := rolling(self.system)):
+            if now == (self.negative or 0) + 1 and (loose := rolling(self.system)):
                 why = f"{loose} nearly as a rigid one, which no support holds and what touches it does not resist: "
-                why += "it topples, or it is round and may rest as well a little farther on"
-                remedy = f"hold it by a support or by friction, or {remedy}"
+                if self.system.symmetric:
+                    why += "it topples, or it is round and may rest as well a little farther on"
+                    remedy = f"hold it by a support or by friction, or {remedy}"
+                else:
+                    why += (
+                        "all of it slides, as where no node lies in the middle of what spreads, or it topples, or is round"
+                    )
+                    remedy = f"hold it by a support or a plane of symmetry, take finer cells of the slave, or {remedy}"
             self.verdict.note(f"{found}: {why}; {remedy}", found)
         self._counted = counted or (self._counted and now == self.negative)
         self.negative = now
