@@ -146,12 +146,12 @@ class Newton:
 
         Where hardly a point is to open, close, stick or slip, what an early one from near balance leaves are penalties on
         ways that turn and bend, which the next solve takes away: shortened, it would end among gaps that are wrong by all
-        that it left undone.
+        that it left undone. Of a tool that is free to move this may be a motion that nothing resists.
         """
         foresight, size = system.foresight, finite_residual(system)
         if foresight.foretells and not np.isfinite(size):
             return Taken(*put_upright(system, increment))
-        sure = early and not strict and foresight.foretells and before < HOPE
+        sure = early and not strict and foresight.foretells and before < HOPE and not system.tools.free.any()
         if size > before and not foresight.settles and not (sure and foresight.changes_little(system.state)):
             size, share = self.shorten(system, increment, before, size, strict)
             return Taken(size, 1.0 - share, shortened=True)
