@@ -2,7 +2,9 @@
 
 import gc
 import os
+import signal
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,11 @@ if SEVERAL:
     _root = Path(tempfile.gettempdir()) / f"pytest-{os.getuid()}-rank-{_rank}"
     _root.mkdir(exist_ok=True)
     os.environ["PYTEST_DEBUG_TEMPROOT"] = str(_root)
+
+# A process that others hand tests to may run them beside its main thread. Gmsh sets a signal's handler as it is imported and
+# ends, which Python lets the main thread alone do: all tests ended with an error there, once in many runs
+if threading.current_thread() is not threading.main_thread():
+    signal.signal = lambda number, handler: signal.getsignal(number)
 
 # Freeing a mesh or a space frees its communicator, for which ranks may wait for each other: Python's collector, which comes
 # by at another time on each rank, must not do it in the middle of a test.
