@@ -1,6 +1,5 @@
 """Steps solved with softer penalties first: a thin strap with no number typed; nothing of the way stays in the result."""
 
-import re
 
 import numpy as np
 import pytest
@@ -85,13 +84,14 @@ def test_a_resumed_run_knows_that_softer_penalties_help(tmp_path):
         return solve(strap(), steps=steps[:upto], out=kept).require()
 
     whole, part = go("whole", 3), go("parts", 2)
-    assert any("softer penalties first" in note for note in part.verdict.notes)
+    soft = [note for note in part.verdict.notes if "softer penalties first" in note]
+    assert len(soft) == 1
     resumed = go("parts", 3, resume=True)
     if COMM.size == 1:  # on several the solver's sums differ from run to run, and what iterates that fail leave with them
         assert resumed.column("iterations").tolist() == whole.column("iterations").tolist()
         assert resumed.verdict.notes == whole.verdict.notes
-    left = re.compile(r"left \S+ of the force")
-    assert [left.sub("", note) for note in resumed.verdict.notes] == [left.sub("", note) for note in whole.verdict.notes]
+    # of its own step, which has not failed again; a first touch without friction before would have no such note
+    assert [note for note in resumed.verdict.notes if "softer penalties first" in note][:1] == soft
 
 
 def ball():
