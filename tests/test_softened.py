@@ -1,6 +1,5 @@
 """Steps solved with softer penalties first: a thin strap with no number typed; nothing of the way stays in the result."""
 
-
 import numpy as np
 import pytest
 from by_node import displacements, of_all

@@ -39,9 +39,11 @@ class VolumeRatio:
         self._evaluate = compat.cell_evaluator(mesh.domain, ufl.det(F), self._points)
         dim = corners.shape[1]
         self._part: Shape = len(near) + 1, dim, dim  # what turns: in the plane that part of F
-        inplane = ufl.as_tensor([[F[i, j] for j in range(dim)] for i in range(dim)])
-        middle = corners.mean(axis=0, keepdims=True)
-        self._gradients = compat.cell_evaluator(mesh.domain, inplane, np.concatenate([near, middle]))
+        self._bends = degree > 1  # straight sides do not roll up
+        if self._bends:
+            inplane = ufl.as_tensor([[F[i, j] for j in range(dim)] for i in range(dim)])
+            middle = corners.mean(axis=0, keepdims=True)
+            self._gradients = compat.cell_evaluator(mesh.domain, inplane, np.concatenate([near, middle]))
 
     def check(self, least: float = 0.0) -> Finding | None:
         """None, or the Finding that names the cell with the smallest J where that is at most `least`. Collective."""
@@ -79,8 +81,10 @@ class VolumeRatio:
         return smallest, folded | {"corner": Remark(found.value, text)}
 
     def _folded(self) -> dict[str, Remark]:
-        """What is to be said of a cell that has turned at a corner, against its middle, by more than 90 degrees, in space
-        120: J may be above zero all over it. Collective."""
+        """What is to be said of a cell of degree 2 that has turned at a corner, against its middle, by more than 90 degrees,
+        in space 120: J may be above zero all over it. Collective."""
+        if not self._bends:
+            return {}
         F = self._gradients().reshape(-1, *self._part)
         found = self._worst(np.einsum("cpij,cij->cp", F[:, :-1], F[:, -1]).min(axis=1, initial=np.inf))
         if found is None:

@@ -34,7 +34,7 @@ QUICK = 10  # solves within which a step from a start on the curve has to end; e
 AT_ONCE, EARLY, HOPE = 5, 8, 0.5
 
 
-Motion = tuple[Floats, Floats]  # of supports' dofs and of the tools' coordinates
+Driven = tuple[Floats, Floats]  # of supports' dofs and of the tools' coordinates
 
 
 class Patience(NamedTuple):
@@ -91,7 +91,7 @@ class Newton:
             except StepFailed:
                 system.trail.rollback()
                 du, dq = system.begin_step(t)
-        early = bool(system.contact_terms) and (not _cut_back(system, t) or _touches_tools(system))
+        early = bool(system.contact_terms) and (not _cut_back(system, t) or bool(untouched(system)))
         return self._iterate(system, (du, dq), report, Patience(SETTLING, self.limit, EARLY if early else self.limit))
 
     def settle(self, system: System, t: float) -> StepReport:
@@ -113,7 +113,7 @@ class Newton:
                 return report
         return self._iterate(system, owed, report, Patience(0, self.limit, self.limit))
 
-    def _iterate(self, system: System, motion: Motion, report: StepReport, patience: Patience) -> StepReport:
+    def _iterate(self, system: System, motion: Driven, report: StepReport, patience: Patience) -> StepReport:
         """Solve until there is balance; motion: that of supports and tools, which the first solve carries as far as it is
         taken, and the next ones on."""
         watch, before, owed = StatusWatch(system, report.notes), np.inf, 1.0
@@ -166,12 +166,6 @@ def _look_ahead(system: System, foresees: bool, resamples: bool) -> None:
         system.foresight.foresee(system.state)
     if (resamples and system.foresight.resample(system.state)) or foresees:
         system.assemble_residual()
-
-
-def _touches_tools(system: System) -> bool:
-    """Whether there are tools alone that bodies may touch first; of averages nine of ten do not go astray where no part of
-    an increment is better than the whole one. Collective."""
-    return not system.foresight.settles and bool(untouched(system))
 
 
 def _cut_back(system: System, t: float) -> bool:

@@ -70,7 +70,7 @@ class Softened:
     def _smoothly(self, system: System, t: float) -> StepReport | None:
         """The report of a step that is solved without the friction of what touches first in it before; None, and the state
         the accepted one, where there is none, or that has failed from this state. Collective."""
-        first = [] if system.foresight.settles else untouched(system)
+        first = untouched(system)
         if not first or (start := system.trail.last.t) == self._in_vain:
             return None
         try:

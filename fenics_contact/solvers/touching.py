@@ -16,11 +16,12 @@ FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies 
 
 
 def untouched(system: System) -> list[ContactTerm]:
-    """Contacts with friction that carry nothing at the state. Collective."""
-    rough = [contact for contact in system.contact_terms if contact.rough]
-    carry = [bool(contact.forces.idle(system.state)[1].any()) for contact in rough]
+    """Contacts with friction that carry nothing at the state; none where all settle by themselves, as averages do: of these
+    nine of ten do not go astray where no part of an increment is better than the whole one. Collective."""
+    rough = [] if system.foresight.settles else [contact for contact in system.contact_terms if contact.rough]
     if not rough:
         return []
+    carry = [bool(contact.forces.idle(system.state)[1].any()) for contact in rough]
     any_carry = np.any(system.comm.allgather(carry), axis=0)
     return [contact for contact, carries in zip(rough, any_carry, strict=True) if not carries]
 
