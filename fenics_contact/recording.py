@@ -61,8 +61,6 @@ class Recorder:
         self.verdict, self.history = (keeper.verdict, keeper.rows) if keeper else (Verdict(), [])
         self.history[:] = [self.columns.fitted(row, self._of_arc(ArcReport()), self.extra) for row in self.history]
         self._told = len(self.verdict.notes)  # those that have been printed
-        with system.timers("compile"):
-            self._volume_ratio = scene.volume_ratio(system.state.u)
         with system.timers("output"):
             clock = (lambda: len(self.history)) if arcs else (lambda: system.state.t)
             if folder and not (keeper and keeper.resumed):
@@ -93,7 +91,7 @@ class Recorder:
         self.verdict.remark_on(OVERLAPS, self._overlaps.remarks())
         self.verdict.remark_on(IMAGES, self._images.remarks())
         self.verdict.remark_on(SYMMETRY, self._symmetry.remarks())
-        smallest_J, turned = self._volume_ratio.look()
+        smallest_J, turned = self.system.cells.look()
         self.verdict.remark_on(TURNED, turned)
         news, self.verdict.said = self.verdict.said, []  # no checkpoint need hold what the log has had
         with self.system.timers("output"):

@@ -46,12 +46,18 @@ def pytest_collection_finish():
         gc.freeze()
 
 
-@pytest.fixture(autouse=True)
-def together():
-    """All ranks end a test before any begins the next."""
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_teardown(item, nextitem):
+    """All ranks end a test before any begins the next, and free what it has left. Between files all is looked through, what
+    a file has solved once for its tests and what was compiled; within one the collector looks at what is new alone."""
     yield
     if SEVERAL:
         from mpi4py import MPI
 
+        other = nextitem is None or nextitem.path != item.path
+        if other:
+            gc.unfreeze()
         gc.collect()
+        if other:
+            gc.freeze()
         MPI.COMM_WORLD.Barrier()

@@ -8,12 +8,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.assembly.acceptance import Acceptance
+from fenics_contact.assembly.acceptance import Acceptance, Cells
 from fenics_contact.assembly.blocks import Blocks, insert
 from fenics_contact.assembly.border import Border
 from fenics_contact.assembly.damping import Damping
 from fenics_contact.assembly.exchange import copy_to_ghosts, ghosted_vector, lasting, sum_to_owners
-from fenics_contact.assembly.finding import Finding, Foremost, foremost
+from fenics_contact.assembly.finding import Foremost, foremost
 from fenics_contact.assembly.foresight import Foresight
 from fenics_contact.assembly.grounding import Grounding
 from fenics_contact.assembly.holds import Holds
@@ -42,8 +42,8 @@ class System:
     space: vector space of u; terms: the first one is the solid, whose cells couple its dofs and whose laws are the bodies'
     materials; holds: Holds, whose supports and contacts are the System's: supports, contact_terms; driven: ToolMotion of the
     tools, and set_loads(t), which puts the loads of parameter t into the forms;
-    check(least=0.0): None, or the Finding that names the place where J is no more than `least`; grounding, damping: those of
-    the terms that are, or None; bulk_over_shear: the largest of the bodies, what slows an iterative solver.
+    cells: what is asked of how these are strained; grounding, damping: those of the terms that are, or None;
+    bulk_over_shear: the largest of the bodies, what slows an iterative solver.
     """
 
     def __init__(
@@ -52,13 +52,13 @@ class System:
         terms: Terms,
         holds: Holds,
         driven: tuple[ToolMotion, Callable[[float], None]],
-        check: Callable[..., Finding | None],
+        cells: Cells,
         timers: Timers,
     ) -> None:
         tools, set_loads = driven
         self.state, self.terms, self.tools, self.stages = state, terms, tools, tools.stages
         self.holds, self.supports, self.contact_terms = holds, holds.supports, holds.contacts
-        self.set_loads, self.check, self.timers = set_loads, check, timers
+        self.set_loads, self.cells, self.timers = set_loads, cells, timers
         self.bulk_over_shear: float = max(law.bulk_modulus / law.shear_modulus for law in terms[0].laws)
         self.bodies = holds.bodies  # (name, local nodes) of each group of bonded bodies
         self.fluids = [term for term in terms if isinstance(term, FluidTerm)]
@@ -87,7 +87,7 @@ class System:
         self._at_rest = self.comm.allreduce(terms[0].strain_energy())  # an energy may be stated with a constant of its own
         self.trail = Trail(state, terms, self.scales, tools.stages, set_loads)
         self.foresight = Foresight(self.contact_terms)
-        self.acceptance = Acceptance(state, terms, check, holds, self.scales, self.grounding)
+        self.acceptance = Acceptance(state, terms, cells, holds, self.scales, self.grounding)
 
     # -- a step -------------------------------------------------------------------------------------------------------
     def begin_step(self, t: float) -> tuple[Floats, Floats]:

@@ -134,7 +134,7 @@ def build(
         solid = _solid(scene, u, loads, fields.materials)
         follower = [_pressure(scene, u, pressures, supports)] if pressures else []
         dead = [FormTerm("dead loads", -_loads_power(scene, loads, ufl.TestFunction(scene.space)))] if loads else []
-        check = scene.volume_ratio(u).check
+        cells = scene.volume_ratio(u)
     with timers("compile"):  # the first call of a kernel loads or compiles it
         modulus = _modulus_by_cell(scene)
         parts = connected_parts(scene.space)
@@ -158,7 +158,7 @@ def build(
 
     held = _held(scene, state, motion, (stabilise, damping), lambda: system.strain_energy(), holds)
     others: list[Term] = [*follower, *fluids, *fields.terms, *held, *contacts]
-    system = System(state, (solid, *others), holds, (motion, set_loads), check, timers)
+    system = System(state, (solid, *others), holds, (motion, set_loads), cells, timers)
     driven = [(called(load.word, load.group), load.path) for load in followed] + ways
     notes, beginning = _start(scene, system, stated, driven, start, plain)
     refuse_hindered(state)

@@ -65,7 +65,8 @@ class VolumeRatio:
     def look(self) -> tuple[float, dict[str, Remark]]:
         """Smallest J over all ranks; and what is to be said of the cell with the smallest J at a corner, if that is inside
         out there, though it may not be in its quadrature points, of which alone the stress asks. Collective."""
-        values, folded = self._evaluate(), self._folded()
+        values, remark = self._evaluate(), self.folded()
+        folded = {"folded": remark} if remark else {}
         smallest = self._mesh.comm.allreduce(float(values[:, : self._inner].min(initial=np.inf)), op=MPI.MIN)
         corners = values[:, self._inner :]
         if not self._mesh.comm.allreduce(not (corners > 0.0).all(), op=MPI.LOR):
@@ -80,21 +81,21 @@ class VolumeRatio:
         )
         return smallest, folded | {"corner": Remark(found.value, text)}
 
-    def _folded(self) -> dict[str, Remark]:
+    def folded(self) -> Remark | None:
         """What is to be said of a cell of degree 2 that has turned at a corner, against its middle, by more than 90 degrees,
         in space 120: J may be above zero all over it. Collective."""
         if not self._bends:
-            return {}
+            return None
         F = self._gradients().reshape(-1, *self._part)
         found = self._worst(np.einsum("cpij,cij->cp", F[:, :-1], F[:, -1]).min(axis=1, initial=np.inf))
         if found is None:
-            return {}
+            return None
         text = (
             f"{self._place(found)}: a cell is folded: at a corner it has turned against its middle by more than "
             f"{90 if self._part[1] == 2 else 120} degrees, as no body can within so few cells, and what a long step has "
             "folded may stay so in balance; take smaller steps before, or finer cells there"
         )
-        return {"folded": Remark(found.value, text)}
+        return Remark(found.value, text)
 
     @cached_property
     def _flat(self) -> Bools:

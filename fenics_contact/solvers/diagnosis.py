@@ -59,7 +59,7 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
     goal: t at which the step was to end; None on an arc.
     """
     known, unbalanced = failure.finding, _unbalanced(system)
-    inverted = system.check()
+    inverted = system.cells.check()
     rolled_back(system)
     if known.kind in CERTAIN:
         return known
@@ -67,9 +67,9 @@ def diagnose(system: System, failure: StepFailed, goal: float | None = None) -> 
         (found for contact in system.contact_terms if (found := contact.findings.misstated(system.state))), None
     ):
         return stated._replace(reason=f"{stated.reason}; {known.reason}")
-    if worst := system.check(CRUSHING):  # whatever failed last
+    if worst := system.cells.check(CRUSHING):  # whatever failed last
         return worst
-    if inverted and (worst := system.check(SQUEEZED)):  # no iterate gone astray: the accepted state was about to
+    if inverted and (worst := system.cells.check(SQUEEZED)):  # no iterate gone astray: the accepted state was about to
         return worst
     troubles = [found for term in system.terms if (found := term.findings.trouble(system.state))]
     if lost := [trouble for trouble in troubles if trouble.kind == LOST]:
@@ -218,7 +218,7 @@ def _inverts_ahead(system: System, goal: float | None) -> bool:
         return True
     (u, _, t), (u_now, _, t_now) = system.trail.accepted[-2:]
     system.state.u.x.array[:] = u_now + (goal - t_now) / (t_now - t) * (u_now - u)
-    ahead = system.check(SQUEEZED) is not None
+    ahead = system.cells.check(SQUEEZED) is not None
     system.trail.rollback()
     return ahead
 
