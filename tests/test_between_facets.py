@@ -10,6 +10,7 @@ import pytest
 from fenics_contact import Body, Scene, neo_hooke, read_gmsh, rigid_curve, rigid_surface, solve
 from fenics_contact.meshes import box, rectangles
 from fenics_contact.scene.build import build
+from fenics_contact.solvers.folding import FOLDS
 
 pytestmark = pytest.mark.parallel
 SOFT, HARD = neo_hooke(1.0, 5.0), neo_hooke(1e4, 5e4)
@@ -268,7 +269,7 @@ STATED = {
 def test_a_node_bonded_to_a_plate_is_not_in_it_from_its_other_side(pairs, degree):
     """Its side leans back over the plate, so that it looks through it at the ledge on its other side."""
     bare, result = sheared([], degree), sheared(pairs, degree)
-    assert not result.verdict.causes and not said(result, " inside ")
+    assert set(result.verdict.causes) <= {FOLDS} and not said(result, " inside ")
     for axis in "xy":
         force = [one.column(f"upper_ymax_reaction_{axis}_N")[-1] for one in (bare, result)]
         assert force[0] == pytest.approx(force[1], rel=1e-8)
@@ -281,7 +282,9 @@ def test_a_ledge_does_not_press_on_what_lies_beyond_its_plate():
     found = []
     for pairs in ([(BOTH, SIDES)], layers):
         result = sheared(pairs, 2, 0.4, 1.0, mu=5.0, up=2)
-        assert not result.verdict.causes and all(result.history[-1][f"c{i}_load_N"] == 0.0 for i in range(len(pairs)))
+        assert set(result.verdict.causes) <= {FOLDS} and all(
+            result.history[-1][f"c{i}_load_N"] == 0.0 for i in range(len(pairs))
+        )
         found.append([result.column(f"upper_ymax_reaction_{axis}_N")[-1] for axis in "xy"])
     np.testing.assert_allclose(*found, rtol=1e-8)
 

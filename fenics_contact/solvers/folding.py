@@ -4,7 +4,7 @@ from fenics_contact.assembly.finding import Finding
 from fenics_contact.assembly.system import System
 
 FOLDS = "a step that folds cells"  # the kind of failure
-SHORTEST = 0.25  # of the step that was to be taken: where that folds cells too, they are what the path leads to
+SHORTEST = 0.25  # of the longest step of a stage: where that folds cells too, they are what the path leads to
 
 
 class Folding:
@@ -26,4 +26,4 @@ class Folding:
 
     def accepted(self) -> None:
         """The next step begins. Collective."""
-        self._longest, self._before = 0.0, self._system.cells.folded() is not None
+        self._before = self._system.cells.folded() is not None
