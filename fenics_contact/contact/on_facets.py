@@ -36,6 +36,7 @@ SLID_OFF = (
     "the tool has slid past the end of the slave surface: end the path before, keep the tool over it, or, where the tool "
     "itself ends there, make its surface larger"
 )
+IN_A_CREASE = "where both walls meet in a crease, take finer cells there; else {}"
 
 
 Feet = TypeVar("Feet", bound=Meeting)
@@ -177,6 +178,8 @@ class OnFacets(PointPressures):
         self.grounded, self.edge_kind = places.master.index >= 0, "none"
         if self.grounded:
             self.edge_kind, self.slid_off = f"meshed, {len(places.facets[0])} facets", SLID_OFF
+        elif places.meets_itself:
+            self.slid_off = IN_A_CREASE.format(self.slid_off)
 
     @property
     def nodes(self) -> Ints:
