@@ -238,7 +238,7 @@ def test_grooves_as_one_contact_are_as_one_each(slave, master, degree):
         scene.prescribe("top", "y", -3.5)
         for i in numbers:
             scene.contact(f"{slave}{i}", f"{master}{i}", 0.3, name=f"c{i}")
-        row = solve(scene, steps=64, method=Method(tolerance=1e-10)).require().history[-1]
+        row = solve(scene, steps=48, method=Method(tolerance=1e-10)).require().history[-1]
         found.append((row["top_reaction_y_N"], sum(row[f"c{i}_force_y_N"] for i in numbers)))
     assert abs(found[0][1]) > 20.0
     np.testing.assert_allclose(*found, rtol=1e-6)

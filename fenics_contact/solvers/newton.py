@@ -19,6 +19,7 @@ from fenics_contact.solvers.out_of_balance import (
     finite_residual,
     forcing,
     relative_residual,
+    stalls,
     upright,
 )
 from fenics_contact.solvers.report import StepReport
@@ -136,7 +137,8 @@ class Newton:
             watch.look(report.residuals)
             if patience.is_out(solve, report.residuals):
                 break
-            _look_ahead(system, size > HELD and not taken.shortened, corrections.samples.free and solve <= patience.follow)
+            astray = size > HELD or stalls(report.residuals)
+            _look_ahead(system, astray and not taken.shortened, corrections.samples.free and solve <= patience.follow)
         watch.blame()
         raise StepFailed(f"{solve} Newton iterations left {size:.1e} of the force out of balance", left=size)
 

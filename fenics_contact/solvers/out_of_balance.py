@@ -49,3 +49,9 @@ def forcing(size: float, tolerance: float) -> float:
         return 1e-5
     wanted = max(0.1 * size, 0.1 * tolerance / max(size, tolerance))
     return float(np.clip(wanted, TIGHTEST, LOOSEST))
+
+
+def stalls(residuals: list[float]) -> bool:
+    """Whether the last two solves have left more than a quarter of what was out of balance, as where a point slips to and
+    fro, past the place where it would stick."""
+    return len(residuals) > 2 and residuals[-1] > 0.25 * residuals[-3]
