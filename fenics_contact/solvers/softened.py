@@ -62,7 +62,7 @@ class Softened:
         report = self._step(system, t, softer)
         self.helps = True
         report.notes.append(
-            f"Newton's method failed ({tried}); the step was then solved with softer penalties first, and from there with "
+            f"a solve failed ({tried}); the step was then taken with softer penalties first, and from there with "
             "the contact's own ones, to which the result belongs; later steps begin so too"
         )
         return report
