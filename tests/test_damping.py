@@ -454,7 +454,7 @@ class Creeping:
 
     damping = damped = True
     terms, fluids, contact_terms, stages = (), (), (), Stages(("",), (1.0,), 0)
-    holds, comm, cells = SimpleNamespace(reliant=[]), MPI.COMM_SELF, SimpleNamespace(folded=lambda: None)
+    holds, comm = SimpleNamespace(reliant=[]), MPI.COMM_SELF
     supports = SimpleNamespace(ties=SimpleNamespace(of=lambda tool: ()))
     tools = ToolMotion(stages, ((), ()), (), [np.zeros((0, 6), dtype=bool)], (), (1.0, 1.0))
 

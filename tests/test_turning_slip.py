@@ -103,7 +103,7 @@ def test_a_round_tool_that_may_turn_rolls_as_one_of_facets_does(friction):
 
 
 def bush_with_windows() -> None:
-    """A bush of 7 cells of 15 degrees from radius 8 to 20, half of its length, with a window through it above and below."""
+    """Half of a bush from radius 8 to 20 in 6 cells, of 15 degrees each, with a window through it above and below."""
     radii, angles, heights = np.linspace(8.0, 20.0, 7), np.radians(np.arange(0, 360, 15)), np.linspace(-8.0, 0.0, 3)
     r, a, z = np.meshgrid(radii, angles, heights, indexing="ij")
     places = np.stack([r * np.cos(a), r * np.sin(a), z], axis=-1).reshape(-1, 3)

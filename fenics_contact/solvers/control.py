@@ -11,7 +11,7 @@ from fenics_contact.assembly.system import System
 from fenics_contact.solvers.damped import jump
 from fenics_contact.solvers.diagnosis import diagnose, in_corner
 from fenics_contact.solvers.entering import Leaks
-from fenics_contact.solvers.folding import FOLDS, Folding
+from fenics_contact.solvers.folding import FOLDS, SHORTEST, folds
 from fenics_contact.solvers.holding import thrown
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
@@ -69,8 +69,8 @@ def run(
     verdict.smallest = smallest or shortest
     sooner = max(SOONER / SMALLEST * shortest, 2.0 * verdict.smallest if system.damped else 0.0) if system.damping else 0.0
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
-    leaks, turned, touch, folding = Leaks(system), dict[str, Remark](), FirstTouch(system), Folding(system)
-    for target in times:
+    leaks, turned, touch = Leaks(system), dict[str, Remark](), FirstTouch(system)
+    for begin, target in zip([system.stages.start.t, *times], times, strict=False):
         restless, cornered, why = 0, 0, ""
         while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
@@ -79,7 +79,8 @@ def run(
             size = goal - system.trail.last.t
             report: StepReport | None
             try:
-                report = _attempt(system, stepper, goal, (folding, touch), size / 2 >= verdict.smallest)
+                shorter, least = size / 2 >= verdict.smallest, SHORTEST * (target - begin)
+                report = _attempt(system, stepper, goal, touch, shorter, shorter and size > least * (1.0 + 1e-9))
             except StepFailed as failure:
                 report = None
                 cornered = cornered + 1 if in_corner(system, failure) else 0
@@ -101,7 +102,6 @@ def run(
                 within = sooner
             cornered = 0
             system.trail.commit()
-            folding.accepted()
             rubbed = touch.accepted()
             if report.jumped:
                 verdict.longest = within
@@ -118,15 +118,14 @@ def run(
     return verdict
 
 
-def _attempt(system: System, stepper: Stepper, goal: float, looks: tuple[Folding, FirstTouch], shorter: bool) -> StepReport:
-    """The report of a step to a state that may be accepted; StepFailed. shorter: whether it may be."""
+def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch, shorter: bool, smoother: bool) -> StepReport:
+    """The report of a step to a state that may be accepted; StepFailed. shorter: whether it may be; smoother: whether it is
+    to be where it folds cells."""
     report = stepper.step(system, goal)
     if not _arrived(system, goal):
         raise StepFailed("supports or tools have not come all the way to where they are to be")
-    wrong = system.acceptance.objection() or thrown(system)
-    for look in looks:
-        wrong = wrong or look.objection(shorter)
-    if wrong:
+    wrong = system.acceptance.objection() or thrown(system) or (folds(system) if smoother else None)
+    if wrong := wrong or touch.objection(shorter):
         raise StepFailed.of(wrong)
     if wandered(system, report):
         u, q = system.state.u.x.array.copy(), system.state.q.copy()
