@@ -529,36 +529,38 @@ def test_a_sharp_block_that_slides_presses_along_the_masters_normals(degree):
     """With edges rounded by 0.5 to 2 it has 0.416, either the slave, to 1 %: the energies balance there."""
     ratio, notes = dragged_block("block_ymin", degree)
     assert abs(ratio.mean() - 0.416) < (0.002 if degree == 1 else 0.01)
-    np.testing.assert_allclose(share_aside(notes), np.abs(ratio - 0.416).max(), atol=0.005)
+    np.testing.assert_allclose(share_aside(notes), np.abs(ratio - 0.416).max(), atol=0.006)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-def test_a_block_whose_edge_folds_is_told_how_far_its_friction_is_off(degree):
-    """Pressed by a fifth on what is flat and a thousand times as stiff: there H/V is the coefficient of friction."""
+@pytest.mark.parametrize(
+    "degree, press, friction, told", [(1, 0.2, 0.2, False), (1, 0.2, 0.4, True), (2, 0.2, 0.2, False), (2, 0.3, 0.2, True)]
+)
+def test_a_block_whose_edge_folds_is_told_how_far_its_friction_is_off(degree, press, friction, told):
+    """Pressed on what is flat and a thousand times as stiff: there H/V is the coefficient of friction."""
     boxes = {"block": ((-2.0, 0.0), (4.0, 1.0), (12, 4)), "plate": ((-4.0, -1.0), (8.0, 1.0), (24, 3))}
     mesh = read_gmsh(rectangles.build, rectangles=boxes)
     bodies = Body(mesh, "block", neo_hooke(1.0, 3.0)), Body(mesh, "plate", neo_hooke(1e3, 3e3))
     scene = Scene(*bodies, plane="strain", degree=degree)
     scene.fix("plate_ymin")
     scene.fix("block_ymax")
-    scene.contact("block_ymin", "plate_ymax", friction=0.2, name="c")
+    scene.contact("block_ymin", "plate_ymax", friction=friction, name="c")
     stages = [
-        Stage("press", prescribe={("block_ymax", "y"): -0.2}, steps=5),
+        Stage("press", prescribe={("block_ymax", "y"): -press}, steps=5),
         Stage("drag", prescribe={("block_ymax", "x"): 0.6}, steps=5),
     ]
     result = solve(scene, stages=stages).require()
-    off, notes = 0.2 - sliding_ratios(result).min(), [note for note in result.verdict.notes if "lean" in note]
-    assert (off > ASIDE) == (degree == 2) == bool(notes)
+    off, notes = friction - sliding_ratios(result).min(), [note for note in result.verdict.notes if "lean" in note]
+    assert (off > ASIDE) == told == bool(notes)
     if notes:
-        np.testing.assert_allclose(share_aside(notes), off, atol=1e-3)
+        np.testing.assert_allclose(share_aside(notes), off, rtol=0.1)
 
 
 def test_a_sharp_block_that_digs_into_the_slave_is_told_how_far_its_friction_is_off():
     ratio, notes = dragged_block("pad_ymax")
     np.testing.assert_allclose(ratio, 0.416, rtol=5e-3)
     assert not notes
-    ratio, (note,) = dragged_block("pad_ymax", 2)  # there its edge makes the force ripple as it passes nodes
-    assert 0.02 < np.abs(ratio - 0.416).max() < float(note.split("up to ")[1].split(" of the load")[0])
+    ratio, (note,) = dragged_block("pad_ymax", 2)
+    assert 0.002 < np.abs(ratio - 0.416).max() < 0.006 < float(note.split("up to ")[1].split(" of the load")[0])
     assert "an edge of which digs in" in note and "round the edge" in note
 
 

@@ -145,7 +145,7 @@ def test_what_acts_aside_at_walls_that_face_each_other_does_not_cancel():
         inner = ("left_xmax", "right_xmin")
         for side in inner:
             scene.fix(side)
-        press = Stage("press", prescribe={(side, "x"): way for side, way in zip(inner, (-0.1, 0.1), strict=True)}, steps=2)
+        press = Stage("press", prescribe={(side, "x"): way for side, way in zip(inner, (-0.17, 0.17), strict=True)}, steps=2)
         drag = Stage("drag", prescribe={(side, "y"): way for side, way in zip(inner, (0.6, -0.6), strict=True)}, steps=3)
         notes = solve(scene, stages=[press, drag]).require().verdict.notes
         told.append([float(note.split("and ")[1].split(" of the load")[0]) for note in notes if "acts aside" in note])

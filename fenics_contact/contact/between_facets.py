@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 # deep. What a depth costs is no share of it: edges of 90 degrees a quarter deep between nodes of blocks have forces off by
 # 5 to 70 %, as they have pressed far or just begun, a small chamfer that deep by 3 % (`sunk`)
 HIDDEN = 0.15
+LED_IN = 0.05  # likewise, of nodes that supports lead: what presses there has nothing to give way
 # Of how deep an edge lies what it does in the mean: to either side of it the overlap falls to nothing along straight facets
 MEAN = 0.5
 # Likewise: an edge of 90 degrees that meets the middle of a facet is held from half of it on, and on fine facets goes on
@@ -59,7 +60,8 @@ def _behind(contact: Contact, state: State) -> Behind | None:
     crossing, comm = contact.places.crossing, state.comm
     if crossing is None or (found := contact.places.crossed(state)) is None:
         return None
-    if not comm.allreduce(bool((found.depth > HIDDEN * found.size).any()), op=MPI.LOR):
+    limits = np.where(found.led, LED_IN, HIDDEN)
+    if not comm.allreduce(bool((found.depth > limits * found.size).any()), op=MPI.LOR):
         return None
     facets, points = crossing.facet_nodes(), _penetrations(contact, state, crossing)
     forces = crossing.skin.gathered(pressing_forces(contact, state).x.array.reshape(-1, 3)[crossing.skin.owned])
@@ -71,7 +73,7 @@ def _behind(contact: Contact, state: State) -> Behind | None:
     sag, free = found.depth - held, np.einsum("nc,nc->n", pushed, found.normals) >= 0.0
     share, load = sag / found.size, np.linalg.norm(forces, axis=1)
     led_in = np.zeros(len(forces), dtype=np.int32)
-    led_in[found.at[ours & found.led & (share > HIDDEN)]] = 1
+    led_in[found.at[ours & found.led & (share > LED_IN)]] = 1
     comm.Allreduce(MPI.IN_PLACE, led_in, op=MPI.MAX)
     led = np.zeros(len(ours), dtype=bool)
     led[ours], led[theirs] = led_in[found.at[ours]] > 0, (led_in[facets[found.at[theirs]]] > 0).any(axis=1)

@@ -23,6 +23,7 @@ from fenics_contact.kernels.foreseen import WEIGHT
 from fenics_contact.kernels.mortar_patches import NORMAL, ROUGH
 from fenics_contact.kernels.mortar_rates import Products, foreseen_averages, node_products
 from fenics_contact.kernels.mortar_tangent import held_rates, tangent_rows
+from fenics_contact.kernels.sharp_means import weights
 from fenics_contact.kernels.status import SLIP, STICK
 from fenics_contact.types import Array, Floats, Ints64
 
@@ -86,7 +87,7 @@ class MortarPartner(OnFacets):
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
         forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 13)), self.surface.area
-        kernel.add_node_forces(self._pairs(feet, trial), (N, T, self.places.around.number), forces, sums)
+        kernel.add_node_forces(self._pairs(feet, trial), (N, T, averaged[0], self.places.around.number), forces, sums)
         if len(trial.rubs):
             add_rubbing(feet, self.places.facets[0], trial.rubs, forces)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
@@ -120,9 +121,9 @@ class MortarPartner(OnFacets):
         asked = np.where(rates[:, 0, 0] != 0.0, rough, 0)
         patches = pattern.patches(asked, feet, pairs[4], leading if len(directed) else leading[:0])
         products: Products = pattern.blocks, patches, np.empty((len(patches[2]), 7, 4))
-        changing = rates, *averaged, directed, leading
+        changing = _moved(rates, pressed, self.places.samples.slaves.sharp), *averaged, directed, leading
         node_products(pairs, turned, changing, products)
-        held = held_rates(pairs, feet.lengths, (pressed, rubbed, self.places.around.number))
+        held = held_rates(pairs, feet.lengths, (pressed, rubbed, averaged[0], self.places.around.number))
         where = pairs, turned, held, products, pattern.size
         rows, columns, blocks = pattern.filled(lambda out: tangent_rows(*where, out))
         return rows, columns, blocks, Linearised(feet, N, T, rates)
@@ -198,12 +199,15 @@ class MortarPartner(OnFacets):
 
         Surfaces that lie on one another have the same normals, but where an edge is all that touches. Collective.
         """
-        _, status, N, T, _ = self._laws.tractions(feet, trial)
+        averaged, status, N, T, _ = self._laws.tractions(feet, trial)
         around, slaves = self.places.around, feet.samples.slaves
         number, facet = around.number[slaves.facet], slaves.facet
         share = slaves.N * np.where(feet.projection[1] != NONE, slaves.weights * feet.met[6], 0.0)[:, None]
         share = np.where(number < 0, 0.0, share)
-        p, t, slips = -N[number] * share, T[number] * share[..., None], (status == SLIP)[number]
+        p = -N[number] * share
+        if len(slaves.sharp):
+            p *= weights(feet.projection[4][:, None], averaged[0][number], np.where(number < 0, 0.0, slaves.sharp[number]))
+        t, slips = T[number] * share[..., None], (status == SLIP)[number]
         ours, theirs = feet.projection[5][:, None], self.places.master_normals(feet)[:, None]
         along = np.tile(ours, (1, number.shape[1], 1))
         if len(slaves.aside):
@@ -227,3 +231,12 @@ class MortarPartner(OnFacets):
 def _dot(a: Floats, b: Floats) -> Floats:
     """Products (..., 1) of vectors."""
     return np.asarray((a * b).sum(axis=-1, keepdims=True))
+
+
+def _moved(rates: Floats, N: Floats, sharp: Floats) -> Floats:
+    """Rates of nodes (ns, 4, 4), and how their pressures N (ns,) go over to what is farther off as the mean gap grows."""
+    if not len(sharp):
+        return rates
+    out = rates.copy()
+    out[:, 0, 0] += sharp * N
+    return out

@@ -15,7 +15,7 @@ from fenics_contact.contact.meeting import MortarFeet, Sights
 from fenics_contact.contact.mirrors import Mirrors, Standing
 from fenics_contact.contact.on_facets import MARGIN, PlacesOnFacets, seen_from_behind
 from fenics_contact.contact.pairing import Pairing, Watch, in_sight
-from fenics_contact.contact.samples import RINGS, CornerNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
+from fenics_contact.contact.samples import RINGS, NodeNormals, Samples, SlaveFacets, Steered, corner_shapes, samples_for
 from fenics_contact.contact.seams import abutting, slits
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.unit import unit
@@ -81,7 +81,7 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         self.ring, X = np.ascontiguousarray(self._corners[0][:, :m]), np.concatenate([np.zeros_like(skin.X), master.X])
         behind = [(normal, np.append(np.zeros(self.first, dtype=bool), on)) for normal, on in held[1].master]
         every = np.ones(len(self.ring), dtype=bool)
-        self._smooth = CornerNormals(X, self.ring, corner_shapes(m, RINGS[m])[1], every, behind)
+        self._smooth = NodeNormals(X, self.ring, m, corner_shapes(m, RINGS[m])[1], every, behind)
         self._mirrors, self._X = held[1], np.concatenate([skin.X, master.X])
         drawn = self._mirrors.standing(np.zeros_like(self._X))
         self._alone = _alone(self._smooth(X, drawn)[0][self._smooth.group], X[self.ring])

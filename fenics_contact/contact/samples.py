@@ -28,29 +28,40 @@ RINGS = {
     3: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
     4: np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
 }
+MIDDLES = 0.5 * (RINGS[3] + np.roll(RINGS[3], -1, axis=0)), 0.5 * (RINGS[4] + np.roll(RINGS[4], -1, axis=0))
+PLACES = {  # of the nodes of facets, by their number and that of corners, in the order of kernels/quadratic.py
+    (3, 3): RINGS[3],
+    (4, 4): RINGS[4],
+    (6, 3): np.concatenate([RINGS[3], MIDDLES[0]]),
+    (6, 4): np.concatenate([RINGS[4], MIDDLES[1][::2]]),
+    (9, 4): np.concatenate([RINGS[4], MIDDLES[1], np.zeros((1, 2))]),
+}
 ROUNDED = 1e-13  # of an area: what sums leave
 # (np, 2), (nf, m): parts of their facets' tangents in what is added to the normals of samples, and how much of it where
 # each corner presses
 Steered = tuple[Floats, Floats]
+SHARP = 8.0  # over a facet's shortest side: of gaps that differ by a tenth of it one counts half as much as the other
 NEAREST = 1.8  # of a sample's distance from the border of its facet: the way on which it leaves the master
 
 
-class CornerNormals:
-    """Normals at the corners of facets: means over those around that no crease parts.
+class NodeNormals:
+    """Normals in the nodes of facets: means over those around that no crease parts.
 
-    X (nx, 3): of the reference; nodes (nf, k) of the facets, corners first; gradients (m, 2, k) of their shape functions at
-    the corners; wanted (nf,): which are asked for; mirrors: planes of symmetry, with the nodes on them. groups: as in
-    kernels/normals.py; group (nf, m): that of each corner.
+    X (nx, 3): of the reference; nodes (nf, k) of the facets, of which so many are corners, first; gradients (k, 2, k) of
+    their shape functions in the nodes; wanted (nf,): which are asked for; mirrors: planes of symmetry, with the nodes on
+    them. groups: as in kernels/normals.py; group (nf, k): that of each node.
     """
 
-    def __init__(self, X: Floats, nodes: Ints64, gradients: Floats, wanted: Bools, mirrors: Sequence[Mirror]) -> None:
-        self._facets, self.group = (nodes, gradients), np.empty((len(nodes), len(gradients)), dtype=np.int64)
+    def __init__(
+        self, X: Floats, nodes: Ints64, corners: int, gradients: Floats, wanted: Bools, mirrors: Sequence[Mirror]
+    ) -> None:
+        self._facets, self.group = (nodes, gradients), np.empty(nodes.shape, dtype=np.int64)
         where = grouped_corners(X, *self._facets, wanted, np.cos(np.radians(CREASE)), self.group)
-        angles = corner_angles(X, nodes, len(gradients), *where[1:])
+        angles = corner_angles(X, nodes, corners, *where[1:])
         alone = np.tile(np.eye(3), (len(where[0]) - 1, 1, 1))
         self.groups: Groups = *where, *group_slots(*where, *self._facets), angles, alone
         at, here, self._known = np.empty(len(alone), dtype=np.int64), self.group >= 0, {(False,) * len(mirrors): alone}
-        at[self.group[here]] = nodes[:, : len(gradients)][here]  # corners without an area have groups of no facets
+        at[self.group[here]] = nodes[here]  # nodes without an area have groups of no facets
         self._mirrors, self._drawn = [(normal, on[at]) for normal, on in mirrors], self(X, (False,) * len(mirrors))[0]
 
     def kept(self, standing: Standing) -> Floats:
@@ -75,7 +86,7 @@ class SlaveFacets:
     once for each part: what presses on one side of an edge may be far off on the other, and a mean over both would say of
     neither what it does; of (ns,): their numbers without that; nodes (nf, k), corners (nf, m) of the facets; number (nf, m):
     the own node at each corner, or -1; starts (ns + 1,), facets, places (ne,): where each own node is a
-    corner; groups, group (nf, m): normals at the corners, as the kernels take them; whole: samples of facets that nothing
+    corner; groups, group (nf, k): normals in the nodes, as the kernels take them; whole: samples of facets that nothing
     crosses; parts (nf, m): what each corner has of its facet's reference area [length^2]; heights (nf, m, m): `_heights` in
     the reference; nearest: the least one of the FEWEST samples in a unit facet; tips (nf, m): which corners are ends or
     creases of the surface; held: ways (n, 3, 3) that supports leave the nodes, by rows, and the planes of symmetry of
@@ -94,10 +105,12 @@ class SlaveFacets:
         self.nodes, self.corners = np.ascontiguousarray(every[mine]), np.ascontiguousarray(ends[mine])
         self._size = int(size[0]) if len(size) else m
         free, mirrors = held
-        self.normals = CornerNormals(skin.X, every, self.shapes(RINGS[m])[1], mine, mirrors.slave)
+        self.normals = NodeNormals(skin.X, every, m, self.shapes(PLACES[every.shape[1], m])[1], mine, mirrors.slave)
         self.groups, self.group = self.normals.groups, np.ascontiguousarray(self.normals.group[mine])
         here, self.number = own[mine], np.full(self.corners.shape, -1)
-        pairs = np.column_stack([np.searchsorted(self.own, self.corners[here]), _sides(self.groups)[self.group[here]]])
+        pairs = np.column_stack(
+            [np.searchsorted(self.own, self.corners[here]), _sides(self.groups)[self.group[:, :m][here]]]
+        )
         pairs, number = np.unique(pairs, axis=0, return_inverse=True)
         self.number[here], self.of = number.ravel(), pairs[:, 0]
         self.own = self.own[self.of]
@@ -117,9 +130,18 @@ class SlaveFacets:
         self._room = len(self.whole[2])  # for samples
         N, area = corner_shapes(m, places)[0], self.areas(np.repeat(np.arange(nf), n), *self.whole[1:]).reshape(nf, n)
         self.parts, self.heights = area @ N, _heights(skin.X[self.corners])
+        self.sharp = self._sharp() if skin.whole else np.empty(0)
         self.tips = np.isin(self.corners, self._ends(free[self.of])) & ~joined[self.corners]  # there it goes on
         few = corner_shapes(m, gauss(m, FEWEST, 1 if strip else FEWEST)[0])[0]
         self.nearest = np.einsum("ic,qc->qi", _heights(RINGS[m][None, :, [0, 1, 1]] * [1.0, 1.0, 0.0])[0], few).min()
+
+    def _sharp(self) -> Floats:
+        """Of own nodes (ns,), see kernels/sharp_means.py [1/length], by the longest side around them: over that gaps
+        vary, of thin layers and beside small facets, too."""
+        x = self._skin.X[self.corners]
+        sides = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
+        most = (sides[:, ::2] if self._skin.section is not None else sides).max(axis=1)
+        return SHARP / np.maximum.reduceat(most[self.facets], self.starts[:-1]) if len(self.own) else np.empty(0)
 
     def kept(self, standing: Standing) -> Floats:
         """What counts (ns, 3, 3) of the nodes' mean ways, as of Slaves, where these are planes of symmetry."""
@@ -214,7 +236,8 @@ class SlaveFacets:
         _, where, times = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True, return_counts=True)
         moves = np.linalg.norm(np.einsum("eifc,ec->eif", ways[pairs], across), axis=2).max(axis=1, initial=0.0)
         ends = (pairs[:, 0] != pairs[:, 1]) & (times[where.ravel()] == 1) & (moves > MIRRORED)
-        normals = np.unique(np.column_stack([self.corners.ravel(), self.group.ravel()]), axis=0)
+        group = self.group[:, : self.corners.shape[1]]
+        normals = np.unique(np.column_stack([self.corners.ravel(), group.ravel()]), axis=0)
         nodes, several = np.unique(normals[:, 0], return_counts=True)
         return np.union1d(pairs[ends], nodes[several > 1])
 
@@ -250,7 +273,7 @@ class Samples:
         area = _weighed(around, facet, N, around.areas(facet, places, weights))
         where = around.nodes, around.group, around.starts, around.facets, around.places
         nothing = np.zeros((0, shape.shape[1])), np.zeros(around.corners.shape)
-        self.slaves = Slaves(*where, first, facet, area, shape, N, *nothing, np.empty((0, 3, 3)))
+        self.slaves = Slaves(*where, first, facet, area, shape, N, *nothing, np.empty((0, 3, 3)), around.sharp)
         self._steer(steered)
         self.corners = np.ascontiguousarray(around.corners[facet])
         # samples of surfaces that end together are covered whole: those nearest to the border, and a little more; but where

@@ -41,6 +41,7 @@ from fenics_contact.kernels.law import (
     rubbing,
     traction,
 )
+from fenics_contact.kernels.sharp_means import weight
 from fenics_contact.kernels.status import OPEN, SLIP, STICK
 from fenics_contact.kernels.vectors import (
     ZERO,
@@ -66,8 +67,9 @@ Met = tuple[Ints64, Ints64, Ints64, Floats, Floats, Floats, Floats, Ints64, Floa
 Anchors = tuple[Ints64, Floats]
 Averaged = tuple[Floats, Floats, Floats, Floats, Floats]
 NodeLaws = tuple[Floats, Floats, Friction, float, Floats, Floats, Floats]
-# N (ns,), T_T (ns, 3) of the slave nodes, number (nf, m) of the one at each corner, -1: another process answers for it
-Acting = tuple[Floats, Floats, Ints64]
+# N (ns,), T_T (ns, 3) and mean gaps (ns,) of the slave nodes, number (nf, m) of the one at each corner, -1: another process
+# answers for it
+Acting = tuple[Floats, Floats, Floats, Ints64]
 
 # Of the stiffness that a node has shown, its foreseen pressure over how far the solve has moved its gap, where that is less
 SOFT = 0.5
@@ -77,12 +79,13 @@ KAPPA = 100.0  # E/h over the spring in series: less is more accurate and less r
 class Slaves(NamedTuple):
     """Facets of a slave, their np samples, and its nodes.
 
-    nodes (nf, k) of the facets, corners first; group (nf, m) of kernels/normals.py; starts (ns + 1,), facets (ne,), places
+    nodes (nf, k) of the facets, corners first; group (nf, k) of kernels/normals.py; starts (ns + 1,), facets (ne,), places
     (ne,): where each slave node is a corner; first (nf + 1,): where each facet's samples begin; facet (np,): whose a sample
     is; weights (np,): its reference area [length^2]; shape (np, k) of the facet's nodes and N (np, m) of its corners there;
     aside (np, k): parts of the nodes in what is added to normals where corners press that are ends or creases, or slide, see
     `aside`; (0, k): nothing is; leans (nf, m): how much of it; kept (ns, 3, 3): what counts of each node's mean way, on
-    planes of symmetry its part in them: across them that of the samples' images is opposite.
+    planes of symmetry its part in them: across them that of the samples' images is opposite; sharp (ns,) [1/length]: as of
+    kernels/sharp_means.py.
     """
 
     nodes: Ints64
@@ -98,6 +101,7 @@ class Slaves(NamedTuple):
     aside: Floats
     leans: Floats
     kept: Floats
+    sharp: Floats
 
 
 Pairs = tuple[Floats, Slaves, Surface, Met, Anchors, Floats]
@@ -120,15 +124,15 @@ class Foot(NamedTuple):
 def sample_places(
     coords: Floats, slaves: Slaves, normals: Floats, points: Floats, directions: Floats, lengths: Floats
 ) -> None:
-    """Fill points (np, 3), directions (np, 3) in which they look, against the mean of the normals (ng, 3) at the corners,
+    """Fill points (np, 3), directions (np, 3) in which they look, against the mean of the normals (ng, 3) at the nodes,
     and lengths (np,) of these means."""
-    nodes, N = slaves.nodes, slaves.N
+    nodes = slaves.nodes
     for q in range(len(points)):
         f, x, y = slaves.facet[q], ZERO, ZERO
         for i in range(nodes.shape[1]):
             x = less(x, -slaves.shape[q, i], row(coords, nodes[f, i]))
-        for c in range(N.shape[1]):
-            y = less(y, N[q, c], row(normals, slaves.group[f, c]))
+        for i in range(nodes.shape[1]):
+            y = less(y, slaves.shape[q, i], row(normals, slaves.group[f, i]))
         length = max(norm(y), 1e-300)
         points[q, 0], points[q, 1], points[q, 2] = x
         directions[q, 0], directions[q, 1], directions[q, 2] = times(1.0 / length, y)
@@ -179,6 +183,18 @@ def aside(q: int, slaves: Slaves, coords: Floats) -> Vector:
 
 
 @njit(cache=True, error_model="numpy")
+def _sharpened(A: int, least: float, pairs: Pairs, area: float) -> float:
+    """The mean gap of node A; least: of its samples' gaps."""
+    slaves, met, total = pairs[1], pairs[3], 0.0
+    for e in range(slaves.starts[A], slaves.starts[A + 1]):
+        f, c = slaves.facets[e], slaves.places[e]
+        for q in range(slaves.first[f], slaves.first[f + 1]):
+            if met[1][q] != NONE:
+                total += slaves.weights[q] * slaves.N[q, c] * met[6][q] * weight(A, met[4][q], least, slaves.sharp)
+    return least - np.log(total / area) / slaves.sharp[A]
+
+
+@njit(cache=True, error_model="numpy")
 def averages(pairs: Pairs) -> Averaged:
     """What the slave nodes have on average."""
     coords, slaves, _, met, anchors, normals = pairs
@@ -187,7 +203,7 @@ def averages(pairs: Pairs) -> Averaged:
     gaps, ways, areas = np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n)
     anchored, whole = np.zeros(n), np.zeros(n)
     for A in range(n):
-        gap, way = 0.0, ZERO
+        gap, least, way = 0.0, np.inf, ZERO
         for e in range(starts[A], starts[A + 1]):
             f, c = slaves.facets[e], slaves.places[e]
             for q in range(first[f], first[f + 1]):
@@ -197,6 +213,7 @@ def averages(pairs: Pairs) -> Averaged:
                     continue
                 areas[A] += share
                 gap += share * met[4][q]
+                least = min(least, met[4][q]) if share > 0.0 else least
                 a = q * m + c
                 if anchors[0][a, 0] < 0:
                     continue
@@ -205,7 +222,7 @@ def averages(pairs: Pairs) -> Averaged:
                 anchored[A] += share
                 way = less(way, -share, planar(planar(w, foot.n), row(normals, slaves.group[f, c])))
         if areas[A] > 0.0:
-            gaps[A] = gap / areas[A]
+            gaps[A] = _sharpened(A, least, pairs, areas[A]) if len(slaves.sharp) > 0 else gap / areas[A]
         if anchored[A] > 0.0:
             ways[A, 0], ways[A, 1], ways[A, 2] = of_block(slaves.kept, A, times(1.0 / anchored[A], way))
     return gaps, ways, areas, anchored, whole
@@ -306,7 +323,7 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
     and the vector along it. Each sample presses along a normal of its own, so that T alone does not tell one from the other.
     """
     coords, slaves, surface, met, _, _ = pairs
-    nodes, (N, T, number) = slaves.nodes, acting
+    nodes, (N, T, gaps, number) = slaves.nodes, acting
     for q in range(len(slaves.facet)):
         if met[1][q] == NONE:
             continue
@@ -318,19 +335,20 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
                 continue
             t = row(T, A)
             share = slaves.N[q, c] * slaves.weights[q] * met[6][q]
+            pressed = share * N[A] * weight(A, met[4][q], gaps[A], slaves.sharp)
             along = less(n, -slaves.leans[f, c], more)
-            total += share * N[A]
-            at_ends += share * N[A] * slaves.leans[f, c]
+            total += pressed
+            at_ends += pressed * slaves.leans[f, c]
             across += share * dot(along, t)
             tangential = less(tangential, -share, t)
             in_plane = planar(t, n)
             rises = dot(along, t) - dot(n, t)
-            sums[A, 3] += share * N[A]
+            sums[A, 3] += pressed
             sums[A, 7] += share * dot(in_plane, in_plane)
             sums[A, 8] += share * rises * rises
-            sums[A, 9] += share * N[A] * (norm(along) if slaves.leans[f, c] > 0.0 else 1.0)
+            sums[A, 9] += pressed * (norm(along) if slaves.leans[f, c] > 0.0 else 1.0)
             for a in range(3):
-                sums[A, a] += share * (N[A] * along[a] + in_plane[a] - rises * n[a])
+                sums[A, a] += pressed * along[a] + share * (in_plane[a] - rises * n[a])
                 sums[A, 4 + a] += share * in_plane[a]
                 sums[A, 10 + a] += share * (in_plane[a] - rises * n[a])
         force = plus(plus(times(total, n), times(at_ends, more)), less(tangential, across, n))

@@ -68,7 +68,7 @@ def node_patches(asked: Ints64, pairs: Pairs, felt: Felt, blocks: Ints64, count:
                     n = join(blocks[corners[leading[q], j]], listed, A, n)
                 for j in range(4 if met[7][q, 0] >= 0 else 0):
                     n = join(blocks[met[7][q, j]], listed, A, n)
-            for c in range(m):
+            for c in range(nodes.shape[1]):
                 for slot in range(slot_starts[group[facets[e], c]], slot_starts[group[facets[e], c] + 1]):
                     n = join(blocks[slot_nodes[slot]], listed, A, n)
         if starts[A] + n <= len(members):

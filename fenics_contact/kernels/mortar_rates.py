@@ -11,6 +11,7 @@ from numba import njit
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.mortar import Averaged, Foot, Met, Pairs, Slaves, aside, foot_of
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, Patches, join, no_list
+from fenics_contact.kernels.sharp_means import strays, weight
 from fenics_contact.kernels.vectors import (
     ZERO,
     Four,
@@ -59,7 +60,7 @@ def sample_rates(met: Met) -> Floats:
         if met[1][q] == NONE:
             continue
         foot = foot_of(q, met)
-        push, turn, drags = _held_rates(foot)
+        push, turn, drags = gap_rates(foot)
         across = _across(foot.n)
         put_four(rates, q, PUSH, four(push))
         put_four(rates, q, FORCE, four(foot.n))
@@ -88,13 +89,14 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
         sums[:n], led[:n] = 0.0, 0.0
         for e in range(slaves.starts[A] if n else slaves.starts[A + 1], slaves.starts[A + 1]):
             f, c = slaves.facets[e], slaves.places[e]
-            for b in range(m):
+            for b in range(k):
                 ng = join(group[f, b], listed, A, ng)
             for q in range(first[f], first[f + 1]):
                 around = weights[q] * shapes[q, c]
                 if feet[q] < 0:
                     continue
                 a, share, way, w = q * m + c, covers[q] * around, 0.0, ZERO
+                press = share * weight(A, met[4][q], changing[1][A], slaves.sharp)
                 leans, normal, more = slaves.leans[f, c], row(met[5], q), four(ZERO)
                 if leans > 0.0:
                     more = four(times(leans, aside(q, slaves, coords)))
@@ -106,20 +108,20 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
                         _add_anchor(sums, known[blocks[anchor_nodes[a, j]]], -way * anchor_weights[a, j], here)
                 rubbed = planar(w, normal)
                 for i in range(k):
-                    _add_body(sums, known[blocks[nodes[f, i]]], share * table[q, i], way * table[q, i], here)
-                    _add_aside(sums, known[blocks[nodes[f, i]]], share * table[q, i], normal, more)
+                    of = press * table[q, i], share * table[q, i], way * table[q, i]
+                    _add_body(sums, known[blocks[nodes[f, i]]], of, here, (normal, more))
                 for j in range(l):
-                    part = -N[q, 0, j]
-                    _add_master(sums, known[blocks[corners[feet[q], j]]], share * part, way * part, here)
-                    _add_aside(sums, known[blocks[corners[feet[q], j]]], share * part, normal, more)
+                    of = -press * N[q, 0, j], -share * N[q, 0, j], -way * N[q, 0, j]
+                    _add_master(sums, known[blocks[corners[feet[q], j]]], of, here, (normal, more))
                 turning = _turning(here, (met[4][q], normal, planar(normal, own)), w)
                 _add_own_turn(leaned, at_group[group[f, c]], way, own, rubbed)
-                for b in range(m):
-                    part = -shapes[q, b] / lengths[q]
-                    _add_turning(leaned, at_group[group[f, b]], share * part, way * part, turning)
+                for b in range(k):
+                    part = -slaves.shape[q, b] / lengths[q]
+                    _add_turning(leaned, at_group[group[f, b]], press * part, way * part, turning)
                 if covers[q] < 1.0:
                     into = known, sums, at_group, leaned
-                    of_share = _of_share(A, met[4][q], around, (way, planar(rubbed, own)), changing)
+                    strayed = strays(A, met[4][q], changing[1][A], slaves.sharp)
+                    of_share = _of_share(A, strayed, around, (way, planar(rubbed, own)), changing)
                     _uncover(q, of_share, (slaves, met, lengths), blocks, into)
                 for j in range(l if len(changing[6]) > 0 else 0):
                     led[known[blocks[corners[changing[7][q], j]]]] += around * changing[6][changing[7][q], j]
@@ -170,29 +172,27 @@ def _add_anchor(sums: Floats, i: int, way: float, here: Floats) -> None:
 
 
 @njit(cache=True)
-def _add_body(sums: Floats, i: int, share: float, way: float, here: Floats) -> None:
-    """Add what a sample's gap and way have of a node's motion, and its forces."""
-    for r in range(DRAG):
+def _add_body(sums: Floats, i: int, shares: tuple[float, float, float], here: Floats, turned: tuple[Vector, Four]) -> None:
+    """Add what a sample's gap and way have of a node's motion, and its forces, with what is added to its normal, along which
+    it presses, across which it rubs; shares: of gap, friction, way."""
+    (press, share, way), (normal, more) = shares, turned
+    for r in range(ACROSS):
+        add_four(sums, i, r, press, four_of(here, 0, r))
+    for r in range(ACROSS, DRAG):
         add_four(sums, i, r, share, four_of(here, 0, r))
     for r in range(DRAG, TURN):
         add_four(sums, i, r, way, four_of(here, 0, r))
-
-
-@njit(cache=True)
-def _add_master(sums: Floats, i: int, share: float, way: float, here: Floats) -> None:
-    """As _add_body, of the master's nodes: the foot moves with them, too."""
-    for r in range(DRAG):
-        add_four(sums, i, r, share, four_of(here, 0, r))
-    for r in range(DRAG, TURN):
-        add_four(sums, i, r, way, four_plus(four_of(here, 0, r), -1.0, four_of(here, 0, r - DRAG + PULL)))
-
-
-@njit(cache=True)
-def _add_aside(sums: Floats, i: int, share: float, normal: Vector, more: Four) -> None:
-    """Add what a sample's forces have of what is added to its normal, along which it presses, across which it rubs."""
-    add_four(sums, i, FORCE, share, more)
+    add_four(sums, i, FORCE, press, more)
     for r in range(3):
         add_four(sums, i, ACROSS + r, -share * normal[r], more)
+
+
+@njit(cache=True)
+def _add_master(sums: Floats, i: int, shares: tuple[float, float, float], here: Floats, turned: tuple[Vector, Four]) -> None:
+    """As _add_body, of the master's nodes: the foot moves with them, too."""
+    _add_body(sums, i, shares, here, turned)
+    for r in range(DRAG, TURN):
+        add_four(sums, i, r, -shares[2], four_of(here, 0, r - DRAG + PULL))
 
 
 @njit(cache=True)
@@ -226,10 +226,10 @@ def _add_own_turn(leaned: Floats, g: int, way: float, m: Vector, v: Vector) -> N
 
 
 @njit(cache=True)
-def _of_share(A: int, gap: float, around: float, moved: tuple[float, Vector], changing: Changing) -> OfShare:
-    """The rates of node A with the share of a sample that has this gap and, where it has moved, this way."""
+def _of_share(A: int, strays: float, around: float, moved: tuple[float, Vector], changing: Changing) -> OfShare:
+    """The rates of node A with the share of a sample that strays so far and, where it has moved, has this way."""
     way, strayed = moved[0], minus(moved[1], row(changing[2], A))
-    return (gap - changing[1][A]) * around, times(around if way > 0.0 else 0.0, strayed), around
+    return strays * around, times(around if way > 0.0 else 0.0, strayed), around
 
 
 @njit(cache=True)
@@ -249,8 +249,8 @@ def _uncover(q: int, of_share: OfShare, where: tuple[Slaves, Met, Floats], block
     f, slopes, ends = slaves.facet[q], met[8], met[7]
     for i in range(slaves.nodes.shape[1]):
         _cover(sums, known[blocks[slaves.nodes[f, i]]], slaves.shape[q, i], of_share, got(slopes, q, 0), DRAG)
-    for b in range(slaves.N.shape[1]):
-        _cover(leaned, at_group[slaves.group[f, b]], -slaves.N[q, b] / lengths[q], of_share, got(slopes, q, 1), 1)
+    for b in range(slaves.nodes.shape[1]):
+        _cover(leaned, at_group[slaves.group[f, b]], -slaves.shape[q, b] / lengths[q], of_share, got(slopes, q, 1), 1)
     for i in range(3):
         _cover(sums, known[blocks[ends[q, i]]], 1.0, of_share, got(slopes, q, 2 + i), DRAG)
     _cover(sums, known[blocks[ends[q, 3]]], -1.0, of_share, got(slopes, q, 4), DRAG)
@@ -287,7 +287,7 @@ def _multiply(A: int, sums: Floats, led: Floats, changing: Changing, products: P
 
 
 @njit(cache=True, error_model="numpy")
-def _held_rates(foot: Foot) -> tuple[Vector, Vector, Rows]:
+def gap_rates(foot: Foot) -> tuple[Vector, Vector, Rows]:
     """Rates of a sample's gap with x_S - x_M, place on the facet held, and with its normal; of P (x_M - x_a) with the first,
     by rows."""
     n, c1, c2 = foot.n, foot.c1, foot.c2
@@ -302,8 +302,8 @@ def _held_rates(foot: Foot) -> tuple[Vector, Vector, Rows]:
 
 @njit(cache=True, error_model="numpy")
 def _sample_rates(foot: Foot, w: Vector) -> tuple[Vector, Vector, Rows, Rows]:
-    """Those of `_held_rates`, and the rates of P (x_M - x_a) with the normal by rows, x_M - x_a = w held at its place."""
-    push, turn, drags = _held_rates(foot)
+    """Those of `gap_rates`, and the rates of P (x_M - x_a) with the normal by rows, x_M - x_a = w held at its place."""
+    push, turn, drags = gap_rates(foot)
     n, along = foot.n, dot(foot.n, w)
     aside, p = less(w, along, n), _across(n)
     # -g P r_a c_a - (n.w) P - n (P w)^T: what is turned is normal to n
@@ -361,8 +361,8 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
                 if met[1][q] == NONE:
                     continue
                 foot, tilt, jump = foot_of(q, met), ZERO, ZERO
-                for b in range(m):
-                    tilt = less(tilt, shapes[q, b] / lengths[q], row(tilts, slaves.group[f, b]))
+                for b in range(nodes.shape[1]):
+                    tilt = less(tilt, slaves.shape[q, b] / lengths[q], row(tilts, slaves.group[f, b]))
                 for i in range(nodes.shape[1]):
                     jump = less(jump, -table[q, i], row(moved, nodes[f, i]))
                 a, here = q * m + c, ZERO
@@ -378,12 +378,13 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
                 rubbed, own = planar(w, foot.n), row(normals, slaves.group[f, c])
                 if met[6][q] < 1.0:
                     change = weights[q] * shapes[q, c] * _uncovered(q, met, jump, tilt, moved)
-                    total += change * (foot.g - averaged[0][A])
+                    total += change * strays(A, foot.g, averaged[0][A], slaves.sharp)
                     bared += change
                     if has_anchor:
                         way = less(way, -change, minus(planar(rubbed, own), row(averaged[1], A)))
                 jump = minus(jump, here)
-                total += share * (dot(push, jump) + dot(turn, tilt))
+                counts = weight(A, foot.g, averaged[0][A], slaves.sharp)
+                total += share * counts * (dot(push, jump) + dot(turn, tilt))
                 if has_anchor:
                     drag = planar(minus(here, of_nodes(anchors[1], a, anchors[0], moved)), foot.n)
                     turned_way = dot(swings[0], tilt), dot(swings[1], tilt), dot(swings[2], tilt)

@@ -10,9 +10,10 @@ from numba import njit
 
 from fenics_contact.kernels.closest_point import NONE
 from fenics_contact.kernels.facets import Surface
-from fenics_contact.kernels.mortar import Acting, Met, Pairs, Slaves, aside
+from fenics_contact.kernels.mortar import Acting, Met, Pairs, Slaves, aside, foot_of
 from fenics_contact.kernels.mortar_patches import NODE, PLACE, gathered, join, no_list
-from fenics_contact.kernels.mortar_rates import Products, Turned
+from fenics_contact.kernels.mortar_rates import Products, Turned, gap_rates
+from fenics_contact.kernels.sharp_means import weight
 from fenics_contact.kernels.vectors import (
     AXES,
     ZERO,
@@ -35,7 +36,8 @@ Block = tuple[Four, Four, Four]
 Gathered = tuple[Ints64, Ints64]  # see `gathered`
 # List of the columns of a row, see `join`, and sums (n, 3, 4) of their blocks; of its normals alike
 Row = tuple[Ints64, Floats]
-Held = tuple[Bools, Floats]  # which samples press (np,), and their rates (np, 8, 4), see `held_rates`
+# Which samples press (np,), their rates (np, 8, 4), and v and rates of gaps (np, 2, 4), see `held_rates`
+Held = tuple[Bools, Floats, Floats]
 FORCE, WHOLE, PRESS = 3, 4, 5
 NOUGHT = (0.0, 0.0, 0.0, 0.0)
 
@@ -43,22 +45,29 @@ NOUGHT = (0.0, 0.0, 0.0, 0.0)
 @njit(cache=True, error_model="numpy")
 def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
     """Of forces of samples under tractions that are held: three rows of their rates with the mean of the normals at the
-    corners, the force, the force if the sample were covered whole, and three with what is added to the normal at ends.
+    nodes, the force, the force if the sample were covered whole, and three with what is added to the normal at ends. Where
+    gaps differ in weight, forces change by v with a sample's gap, too, that of its nodes held: v and the rates of the gap.
     lengths (np,): of the means."""
-    (coords, slaves, _, met, _, _), (N, T, number) = pairs, acting
-    weights, shapes = slaves.weights, slaves.N
+    (coords, slaves, _, met, _, _), (N, T, gaps, number) = pairs, acting
+    weights, shapes, sharp = slaves.weights, slaves.N, len(slaves.sharp) > 0
     presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 8, 4))
+    bends = np.empty((len(met[0]) if sharp else 0, 2, 4))
     for q in range(len(presses)):
         f = slaves.facet[q]
         if met[1][q] == NONE:
             continue
         total, at_ends, t, ends, normal, part = 0.0, 0.0, ZERO, ZERO, row(met[5], q), met[6][q]
+        stiff, stiff_at_ends = 0.0, 0.0
         for c in range(shapes.shape[1]):
             A = number[f, c]
             if A >= 0:
                 share = shapes[q, c] * weights[q]
-                total += share * N[A]
-                at_ends += share * N[A] * slaves.leans[f, c]
+                pressed = share * N[A] * weight(A, met[4][q], gaps[A], slaves.sharp)
+                total += pressed
+                at_ends += pressed * slaves.leans[f, c]
+                if sharp:
+                    stiff -= slaves.sharp[A] * pressed
+                    stiff_at_ends -= slaves.sharp[A] * pressed * slaves.leans[f, c]
                 t = less(t, -share, row(T, A))
                 ends = less(ends, -share * slaves.leans[f, c], row(T, A))
         if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
@@ -74,7 +83,14 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
         put_four(rates, q, WHOLE, four(whole))
         for a in range(3):
             put_four(rates, q, PRESS + a, four(less(times(part * at_ends, AXES[a]), part * normal[a], ends)))
-    return presses, rates
+        if sharp:
+            push, turn, _ = gap_rates(foot_of(q, met))
+            v = times(part, plus(times(stiff, normal), times(stiff_at_ends, more)))
+            put_four(bends, q, 0, four(v))
+            put_four(bends, q, 1, four(push))
+            for a in range(3):
+                add_four(rates, q, a, -v[a] / lengths[q], four(turn))
+    return presses, rates, bends
 
 
 @njit(cache=True, error_model="numpy")
@@ -85,9 +101,9 @@ def tangent_rows(
     how many there are: called again where that is more than there is room for."""
     _, slaves, surface, met, _, _ = pairs
     blocks, factors, corners = products[0], products[2], surface[0]
-    table, shapes, group = slaves.shape, slaves.N, slaves.group
-    N, frames, (slot_starts, slot_nodes, turns, lengths), rates = met[9], met[10], turned, held[1]
-    k, l, m, groups = slaves.nodes.shape[1], corners.shape[1], shapes.shape[1], len(slot_starts) - 1
+    table, group = slaves.shape, slaves.group
+    N, frames, (slot_starts, slot_nodes, turns, lengths), (_, rates, bends) = met[9], met[10], turned, held
+    k, l, groups = slaves.nodes.shape[1], corners.shape[1], len(slot_starts) - 1
     patches, members = _patch_rows(products, count), products[1][2]
     on_slave, leans, asides = _slave_rows(slaves, held, blocks, count), *_slave_leans(slaves, held)
     slave_rows, ours = on_slave
@@ -104,26 +120,29 @@ def tangent_rows(
                 block = blocks[slaves.nodes[ours[at] // k, j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], 1.0, _block(asides, ours[at] * k + j))
+        if len(bends):
+            n = _bend_slave(i, n, on_slave, here[0], surface, columns)
         if bare:
             n = _uncover_slave(i, n, on_slave, *here)
         for at in range(master_rows[i], master_rows[i + 1]):
             q, place = theirs[at] // l, theirs[at] % l
             f, part = slaves.facet[q], N[q, 0, place]
-            moved = _carried(rates, q, N[q, 1, place], N[q, 2, place], frames)
+            carried = _carried(rates, q, N[q, 1, place], N[q, 2, place], frames)
+            moved = _both(1.0, carried, part, _outer(four_of(bends, q, 0), four_of(bends, q, 1))) if len(bends) else carried
             for j in range(k):
                 block = blocks[slaves.nodes[f, j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], -table[q, j], moved)
-                if len(asides):
+                if len(slaves.aside):
                     _add(sums, listed[PLACE, block], -part * slaves.aside[q, j], _block(rates, q, PRESS))
             for j in range(l):
                 block = blocks[corners[met[0][q], j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], N[q, 0, j], moved)
-            lean = _both(met[4][q] / lengths[q], moved, part, _block(rates, q))
-            for c in range(m):
+            lean = _both(met[4][q] / lengths[q], carried, part, _block(rates, q))
+            for c in range(k):
                 ng = join(group[f, c], at_group, i, ng)
-                _add(leaned, at_group[PLACE, group[f, c]], -shapes[q, c], lean)
+                _add(leaned, at_group[PLACE, group[f, c]], -slaves.shape[q, c], lean)
             if met[6][q] < 1.0:
                 n = _uncover(i, n, (q, -part), *here)
         for at in range(ng):
@@ -156,20 +175,22 @@ def _patch_rows(products: Products, count: int) -> Gathered:
 
 @njit(cache=True)
 def _slave_leans(slaves: Slaves, held: Held) -> tuple[Floats, Floats]:
-    """Rates of the held forces on the nodes of the slave's facets with the normals at their corners (k nf m, 3, 4), and with
-    the places of the facets' nodes, in which their directions have a part (k nf k, 3, 4); none where they have not."""
-    (presses, rates), table, shapes = held, slaves.shape, slaves.N
-    k, m = table.shape[1], shapes.shape[1]
-    turning = len(slaves.aside) > 0
-    places = k * len(slaves.nodes)
-    leans, asides = np.zeros((places * m, 3, 4)), np.zeros((places * k if turning else 0, 3, 4))
+    """Rates of the held forces on the nodes of the slave's facets with the normals there (k nf k, 3, 4), and with the places
+    of the facets' nodes, in which their directions have a part (k nf k, 3, 4); none where they have not."""
+    (presses, rates, bends), table = held, slaves.shape
+    k, turning, bending = table.shape[1], len(slaves.aside) > 0, len(bends) > 0
+    pairs = k * len(slaves.nodes) * k
+    leans, asides = np.zeros((pairs, 3, 4)), np.zeros((pairs if turning or bending else 0, 3, 4))
     for q in range(len(presses)):
         f = slaves.facet[q]
         for i in range(k if presses[q] else 0):
-            for c in range(m):
-                _add(leans, (k * f + i) * m + c, table[q, i] * shapes[q, c], _block(rates, q))
-            for j in range(k if turning else 0):
-                _add(asides, (k * f + i) * k + j, table[q, i] * slaves.aside[q, j], _block(rates, q, PRESS))
+            for j in range(k):
+                _add(leans, (k * f + i) * k + j, table[q, i] * slaves.shape[q, j], _block(rates, q))
+                if turning:
+                    _add(asides, (k * f + i) * k + j, table[q, i] * slaves.aside[q, j], _block(rates, q, PRESS))
+                if bending:
+                    bent = _outer(four_of(bends, q, 0), four_of(bends, q, 1))
+                    _add(asides, (k * f + i) * k + j, table[q, i] * table[q, j], bent)
     return leans, asides
 
 
@@ -213,14 +234,34 @@ def _add_patches(i: int, patches: Gathered, members: Ints64, factors: Floats, co
 def _add_slave(i: int, ours: Gathered, group: Ints64, leans: Floats, normals: Row) -> int:
     """Add how the forces of samples on their own facets' nodes lean in row i; returns how many normals it has then."""
     (rows, numbers), (at_group, leaned) = ours, normals
-    ng, m = 0, group.shape[1]
-    k = len(leans) // max(group.size, 1)
+    ng, k = 0, group.shape[1]
     for at in range(rows[i], rows[i + 1]):
         f = numbers[at] // k
-        for c in range(m):
+        for c in range(k):
             ng = join(group[f, c], at_group, i, ng)
-            _add(leaned, at_group[PLACE, group[f, c]], 1.0, _block(leans, numbers[at] * m + c))
+            _add(leaned, at_group[PLACE, group[f, c]], 1.0, _block(leans, numbers[at] * k + c))
     return ng
+
+
+@njit(cache=True)
+def _bend_slave(
+    i: int, n: int, ours: Gathered, where: tuple[Slaves, Met, Floats, Held, Ints64], surface: Surface, columns: Row
+) -> int:
+    """Add to row i of n columns how forces of samples on their own facets' nodes change with gaps, by the master's motion;
+    returns how many columns it has then."""
+    (slaves, met, _, (presses, _, bends), blocks), (listed, sums) = where, columns
+    k, first, corners = slaves.nodes.shape[1], slaves.first, surface[0]
+    for at in range(ours[0][i], ours[0][i + 1]):
+        f, place = ours[1][at] // k, ours[1][at] % k
+        for q in range(first[f], first[f + 1]):
+            if not presses[q]:
+                continue
+            bend = _outer(four_of(bends, q, 0), four_of(bends, q, 1))
+            for j in range(corners.shape[1]):
+                block = blocks[corners[met[0][q], j]]
+                n = join(block, listed, i, n)
+                _add(sums, listed[PLACE, block], -slaves.shape[q, place] * met[9][q, 0, j], bend)
+    return n
 
 
 @njit(cache=True)
@@ -229,7 +270,7 @@ def _uncover_slave(
 ) -> int:
     """Add to row i of n columns how forces of samples on their own facets' nodes move with their shares; returns how many
     columns it has then."""
-    slaves, met, _, (presses, _), _ = where
+    slaves, met, _, (presses, _, _), _ = where
     k, first = slaves.nodes.shape[1], slaves.first
     for at in range(ours[0][i], ours[0][i + 1]):
         f, place = ours[1][at] // k, ours[1][at] % k
@@ -294,7 +335,7 @@ def _uncover(
 ) -> int:
     """Add to row i of n columns how a part of a sample's force moves with the sample's share; returns how many columns it
     has then."""
-    slaves, met, lengths, (_, rates), blocks = where
+    slaves, met, lengths, (_, rates, _), blocks = where
     (q, part), (listed, sums), (at_group, leaned) = of, columns, normals
     f, ends, slopes, force = slaves.facet[q], met[7], met[8], four_of(rates, q, WHOLE)
     moved = _outer(force, four(got(slopes, q, 0)))
@@ -303,8 +344,8 @@ def _uncover(
         n = join(block, listed, i, n)
         _add(sums, listed[PLACE, block], part * slaves.shape[q, j], moved)
     leant = _outer(force, four(got(slopes, q, 1)))
-    for c in range(slaves.N.shape[1]):
-        _add(leaned, at_group[PLACE, slaves.group[f, c]], -part * slaves.N[q, c] / lengths[q], leant)
+    for c in range(slaves.nodes.shape[1]):
+        _add(leaned, at_group[PLACE, slaves.group[f, c]], -part * slaves.shape[q, c] / lengths[q], leant)
     for j in range(4):
         n = join(blocks[ends[q, j]], listed, i, n)
         slope = got(slopes, q, 2 + j if j < 3 else 4)

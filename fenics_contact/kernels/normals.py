@@ -1,13 +1,13 @@
 """Averaged normals of a faceted surface: one per node, several where facets meet at a crease.
 
-A group is a corner's normal: the unit mean of the unit normals, at that corner, of facets around it that look the same way.
+A group is a node's normal: the unit mean of the unit normals, in that node, of facets around it that look the same way.
 Each counts by its angle there, as drawn, so that diagonals between triangles do not matter.  Which facets these are is
 settled once.  Groups travel as a tuple:
     starts (ng + 1,)      where each group's facets begin in the next two
-    facets, places (ne,)  facet, and which of its corners the node is
+    facets, places (ne,)  facet, and which of its nodes the node is
     slot_starts (ng + 1,) where each group's nodes begin in the next one
     slot_nodes (ns,)      nodes the group's normal depends on, each once
-    slots (ne, k)         which of these each node of the facet is; -1: the normal at this corner does not feel it
+    slots (ne, k)         which of these each node of the facet is; -1: the normal in this node does not feel it
     angles (ne,)          of the facets at the node
     kept (ng, 3, 3)       what stays of the sum over these facets if the images of all behind planes of symmetry join it
 """
@@ -87,10 +87,13 @@ def grouped_corners(
 
 @njit(cache=True, error_model="numpy")
 def corner_angles(coords: Floats, nodes: Ints64, corners: int, facets: Ints64, places: Ints64) -> Floats:
-    """Angles (ne,) of facets, of that many corners each, at their places."""
+    """Angles (ne,) of facets, of that many corners each, at their places; of nodes between these that of a straight side."""
     angles = np.empty(len(facets))
     for e in range(len(facets)):
         f, c = facets[e], places[e]
+        if c >= corners:
+            angles[e] = math.pi
+            continue
         x = row(coords, nodes[f, c])
         one = minus(row(coords, nodes[f, (c + 1) % corners]), x)
         two = minus(row(coords, nodes[f, (c + corners - 1) % corners]), x)

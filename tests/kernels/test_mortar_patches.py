@@ -53,6 +53,7 @@ def test_nodes_one_of_whose_samples_meets_something_else(which, at):
         np.zeros((2, 2), bool),
         none,
         np.tile(np.eye(3), (3, 1, 1)),
+        np.empty(0),
     )
     before = np.arange(4), np.arange(16).reshape(8, 2), np.arange(16).reshape(4, 4)
     now = tuple(part.copy() for part in before)
