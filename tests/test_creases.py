@@ -3,6 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
+from drawn import ring
 from mpi4py import MPI
 from taylor import orders, remainders
 
@@ -281,6 +282,26 @@ def test_a_body_that_is_drawn_through_itself_is_refused():
             continue
         with pytest.raises(SceneError, match="'clip' is drawn through itself at "):
             solve(scene, steps=1)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("wall", [0.5, 1.0])
+def test_a_hose_of_curved_cells_is_not_drawn_through_itself(wall):
+    """Its bore is hollow: nodes between corners lie within the straight cells of these."""
+
+    def draw():
+        ring("hose", 0.0, (3.0, 3.0 + wall), (2, 4), ("bore", "outside"), turn=-0.25 * np.pi)
+        (bore,) = (group for group in gmsh.model.getPhysicalGroups(1) if gmsh.model.getPhysicalName(*group) == "bore")
+        _, above, _, below = gmsh.model.getEntitiesForPhysicalGroup(*bore)
+        gmsh.model.removePhysicalGroups([bore])
+        for name, arc in (("above", above), ("below", below)):
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [arc]), name)
+        gmsh.model.mesh.setOrder(2)
+
+    scene = Scene(Body(read_gmsh(draw), "hose", neo_hooke(1.0, K=20.0)), plane="strain", degree=2)
+    scene.fix("outside")
+    scene.contact("below", "above", name="c")
+    assert scene.system().contact_terms[0].places.meets_itself
 
 
 FLANKS = "upper_xmin", "upper_xmax"

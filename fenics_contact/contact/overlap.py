@@ -184,11 +184,14 @@ def drawn_through(system: System) -> tuple[str, str] | None:
         isinstance(contact.places, PlacesOnFacets) and contact.places.meets_itself for contact in system.contact_terms
     ):
         return None
-    space, body, cells = system.space, _body_of(system), _cells(system)
+    space, body, cells, blocks = system.space, _body_of(system), _cells(system), compat.global_blocks(system.space)
     X, outer = space.tabulate_dof_coordinates(), _outer(system)
-    x, own = (np.concatenate(part) for part in zip(*system.comm.allgather((X[outer], body[outer])), strict=True))
+    parts = system.comm.allgather((X[outer], body[outer], blocks[outer]))
+    x, own, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
     node, cell = _within(x, X, cells, space.mesh.topology.dim, _nearby(x, X, cells), DEEP)
-    here = [int(n) for n in node[own[node] == body[cells[cell, 0]]]]
+    # a node of a curved side lies within the straight cell of its own corners where the side is hollow
+    its = (blocks[compat.cell_dofs(space)[cell]] == numbers[node][:, None]).any(axis=1)
+    here = [int(n) for n in node[(own[node] == body[cells[cell, 0]]) & ~its]]
     found = sorted(n for part in system.comm.allgather(here) for n in part)
     return (system.bodies[own[found[0]]][0], spot(tidied(x[found[:1]], np.abs(x).max())[0])) if found else None
 
