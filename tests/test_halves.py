@@ -101,6 +101,35 @@ def test_a_quarter_of_rough_blocks_has_a_quarter_of_the_force(slave):
 
 
 @pytest.mark.parallel
+@pytest.mark.parametrize("penalty", [None, 300.0])
+def test_a_quarter_has_the_samples_of_the_whole(penalty):
+    """Edges of both blocks lie on the planes of symmetry: seen along normals that lean, those of the whole cross by what is
+    between them, and cut off slivers that the quarter has not."""
+    forces = []
+    for times in (1, 2):
+        mesh = read_gmsh(
+            two_blocks.build,
+            lower=(8.0 * times, 8.0 * times, 4.0),
+            lower_cells=(3 * times, 3 * times, 1),
+            lower_origin=(-8.0 * (times - 1), -8.0 * (times - 1), -4.0),
+            upper=(4.0 * times, 4.0 * times, 4.0),
+            upper_cells=(2 * times, 2 * times, 1),
+            upper_origin=(-4.0 * (times - 1), -4.0 * (times - 1), 0.0),
+        )
+        scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 10.0)) for name in ("lower", "upper")), degree=2)
+        scene.fix("lower_bottom")
+        scene.fix("upper_top", "xy")
+        scene.prescribe("upper_top", "z", -0.8)
+        for body in ("lower", "upper") if times == 1 else ():
+            scene.fix(f"{body}_xmin", "x")
+            scene.fix(f"{body}_ymin", "y")
+        scene.contact("lower_top", "upper_bottom", 0.0, penalty=penalty, name="c")
+        result = solve(scene, steps=3, out=Output(progress=False)).require()
+        forces.append(result.column("c_force_z_N")[-1] / times**2)
+    assert forces[0] == pytest.approx(forces[1], rel=1e-6)
+
+
+@pytest.mark.parallel
 @pytest.mark.parametrize("way, symmetric", [((0.0, -0.4), True), ((0.3, -0.4), False)])
 def test_half_of_a_rough_pad_under_a_meshed_tool(way, symmetric):
     """A bar that goes down is its own image; what a bar that goes aside draws along slides over the plane."""
