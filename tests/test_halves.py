@@ -62,28 +62,28 @@ def test_half_of_a_rough_pad_has_half_of_the_force(slave, how):
     np.testing.assert_allclose(half, whole, **EXACT)
 
 
-def blocks(whole, slave):
+ROUGH = ((4.0, 4.0, 2.0), (3, 3, 2)), ((3.0, 2.5, 1.5), (3, 2, 2))  # lower and upper: sizes of a quarter, and its cells
+
+
+def blocks(whole, slave, drawn=ROUGH, laws=((1.0, 5.0), (0.5, 2.5)), bow=BOW, press=0.3, friction=0.1, degree=1, **contact):
     first, times = (-1.0, 2) if whole else (0.0, 1)
-    mesh = read_gmsh(
-        two_blocks.build,
-        lower=(4.0 * times, 4.0 * times, 2.0),
-        lower_cells=(3 * times, 3 * times, 2),
-        lower_origin=(4.0 * first, 4.0 * first, -2.0),
-        upper=(3.0 * times, 2.5 * times, 1.5),
-        upper_cells=(3 * times, 2 * times, 2),
-        upper_origin=(3.0 * first, 2.5 * first, 0.0),
-    )
+    shape = {}
+    for name, (size, cells) in zip(("lower", "upper"), drawn, strict=True):
+        shape[name], shape[f"{name}_cells"] = ((*(times * a for a in of[:2]), of[2]) for of in (size, cells))
+        shape[f"{name}_origin"] = (first * size[0], first * size[1], -size[2] if name == "lower" else 0.0)
+    mesh = read_gmsh(two_blocks.build, **shape)
     x = mesh.domain.geometry.x
-    x[:, 2] += BOW * (x[:, :2] ** 2).sum(axis=1)
-    scene = Scene(Body(mesh, "lower", neo_hooke(1.0, 5.0)), Body(mesh, "upper", neo_hooke(0.5, 2.5)))
+    x[:, 2] += bow * (x[:, :2] ** 2).sum(axis=1)
+    bodies = (Body(mesh, name, neo_hooke(*law)) for name, law in zip(("lower", "upper"), laws, strict=True))
+    scene = Scene(*bodies, degree=degree)
     scene.fix("lower_bottom")
     scene.fix("upper_top", "xy")
-    scene.prescribe("upper_top", "z", -0.3)
+    scene.prescribe("upper_top", "z", -press)
     for body in () if whole else ("lower", "upper"):
         scene.fix(f"{body}_xmin", "x")
         scene.fix(f"{body}_ymin", "y")
     sides = ("upper_bottom", "lower_top") if slave == "upper" else ("lower_top", "upper_bottom")
-    scene.contact(*sides, 0.1, name="c")
+    scene.contact(*sides, friction, name="c", **contact)
     return scene
 
 
@@ -105,27 +105,13 @@ def test_a_quarter_of_rough_blocks_has_a_quarter_of_the_force(slave):
 def test_a_quarter_has_the_samples_of_the_whole(penalty):
     """Edges of both blocks lie on the planes of symmetry: seen along normals that lean, those of the whole cross by what is
     between them, and cut off slivers that the quarter has not."""
+    drawn, alike = (((8.0, 8.0, 4.0), (3, 3, 1)), ((4.0, 4.0, 4.0), (2, 2, 1))), ((1.0, 10.0),) * 2
+    flat = {"bow": 0.0, "press": 0.8, "friction": 0.0, "degree": 2, "penalty": penalty}
     forces = []
-    for times in (1, 2):
-        mesh = read_gmsh(
-            two_blocks.build,
-            lower=(8.0 * times, 8.0 * times, 4.0),
-            lower_cells=(3 * times, 3 * times, 1),
-            lower_origin=(-8.0 * (times - 1), -8.0 * (times - 1), -4.0),
-            upper=(4.0 * times, 4.0 * times, 4.0),
-            upper_cells=(2 * times, 2 * times, 1),
-            upper_origin=(-4.0 * (times - 1), -4.0 * (times - 1), 0.0),
-        )
-        scene = Scene(*(Body(mesh, name, neo_hooke(1.0, 10.0)) for name in ("lower", "upper")), degree=2)
-        scene.fix("lower_bottom")
-        scene.fix("upper_top", "xy")
-        scene.prescribe("upper_top", "z", -0.8)
-        for body in ("lower", "upper") if times == 1 else ():
-            scene.fix(f"{body}_xmin", "x")
-            scene.fix(f"{body}_ymin", "y")
-        scene.contact("lower_top", "upper_bottom", 0.0, penalty=penalty, name="c")
+    for whole in (False, True):
+        scene = blocks(whole, "lower", drawn, alike, **flat)
         result = solve(scene, steps=3, out=Output(progress=False)).require()
-        forces.append(result.column("c_force_z_N")[-1] / times**2)
+        forces.append(result.column("c_force_z_N")[-1] / (4 if whole else 1))
     assert forces[0] == pytest.approx(forces[1], rel=1e-6)
 
 

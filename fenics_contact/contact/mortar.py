@@ -121,7 +121,7 @@ class MortarPartner(OnFacets):
         asked = np.where(rates[:, 0, 0] != 0.0, rough, 0)
         patches = pattern.patches(asked, feet, pairs[4], leading if len(directed) else leading[:0])
         products: Products = pattern.blocks, patches, np.empty((len(patches[2]), 7, 4))
-        changing = _moved(rates, pressed, self.places.samples.slaves.sharp), *averaged, directed, leading
+        changing = _moved(rates, pressed, self.places.around.sharp), *averaged, directed, leading
         node_products(pairs, turned, changing, products)
         held = held_rates(pairs, feet.lengths, (pressed, rubbed, averaged[0], self.places.around.number))
         where = pairs, turned, held, products, pattern.size

@@ -28,19 +28,18 @@ RINGS = {
     3: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
     4: np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
 }
-MIDDLES = 0.5 * (RINGS[3] + np.roll(RINGS[3], -1, axis=0)), 0.5 * (RINGS[4] + np.roll(RINGS[4], -1, axis=0))
 PLACES = {  # of the nodes of facets, by their number and that of corners, in the order of kernels/quadratic.py
     (3, 3): RINGS[3],
     (4, 4): RINGS[4],
-    (6, 3): np.concatenate([RINGS[3], MIDDLES[0]]),
-    (6, 4): np.concatenate([RINGS[4], MIDDLES[1][::2]]),
-    (9, 4): np.concatenate([RINGS[4], MIDDLES[1], np.zeros((1, 2))]),
+    (6, 3): np.array([*RINGS[3], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]),
+    (6, 4): np.array([*RINGS[4], [0.0, -1.0], [0.0, 1.0]]),
+    (9, 4): np.array([*RINGS[4], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, 0.0]]),
 }
 ROUNDED = 1e-13  # of an area: what sums leave
 # (np, 2), (nf, m): parts of their facets' tangents in what is added to the normals of samples, and how much of it where
 # each corner presses
 Steered = tuple[Floats, Floats]
-SHARP = 8.0  # over a facet's shortest side: of gaps that differ by a tenth of it one counts half as much as the other
+SHARP = 8.0  # over the longest side around a node: of gaps that differ by a tenth of it one counts half as much as the other
 NEAREST = 1.8  # of a sample's distance from the border of its facet: the way on which it leaves the master
 
 

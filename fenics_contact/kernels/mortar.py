@@ -126,13 +126,11 @@ def sample_places(
 ) -> None:
     """Fill points (np, 3), directions (np, 3) in which they look, against the mean of the normals (ng, 3) at the nodes,
     and lengths (np,) of these means."""
-    nodes = slaves.nodes
+    nodes, group, shape = slaves.nodes, slaves.group, slaves.shape
     for q in range(len(points)):
         f, x, y = slaves.facet[q], ZERO, ZERO
         for i in range(nodes.shape[1]):
-            x = less(x, -slaves.shape[q, i], row(coords, nodes[f, i]))
-        for i in range(nodes.shape[1]):
-            y = less(y, slaves.shape[q, i], row(normals, slaves.group[f, i]))
+            x, y = less(x, -shape[q, i], row(coords, nodes[f, i])), less(y, shape[q, i], row(normals, group[f, i]))
         length = max(norm(y), 1e-300)
         points[q, 0], points[q, 1], points[q, 2] = x
         directions[q, 0], directions[q, 1], directions[q, 2] = times(1.0 / length, y)
@@ -323,7 +321,7 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
     and the vector along it. Each sample presses along a normal of its own, so that T alone does not tell one from the other.
     """
     coords, slaves, surface, met, _, _ = pairs
-    nodes, (N, T, gaps, number) = slaves.nodes, acting
+    nodes, sharp, (N, T, gaps, number) = slaves.nodes, slaves.sharp, acting
     for q in range(len(slaves.facet)):
         if met[1][q] == NONE:
             continue
@@ -335,7 +333,7 @@ def add_node_forces(pairs: Pairs, acting: Acting, forces: Floats, sums: Floats) 
                 continue
             t = row(T, A)
             share = slaves.N[q, c] * slaves.weights[q] * met[6][q]
-            pressed = share * N[A] * weight(A, met[4][q], gaps[A], slaves.sharp)
+            pressed = share * N[A] * weight(A, met[4][q], gaps[A], sharp)
             along = less(n, -slaves.leans[f, c], more)
             total += pressed
             at_ends += pressed * slaves.leans[f, c]

@@ -76,7 +76,7 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
     """Fill R and M S of the nodes that have a patch."""
     (coords, slaves, surface, met, anchors, normals), (blocks, (starts, heights, members), _) = pairs, products
     nodes, weights, table, shapes, group = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.group
-    feet, covers, N, corners, lengths = met[0], met[6], met[9], surface[0], turned[3]
+    feet, covers, N, corners, lengths, sharp = met[0], met[6], met[9], surface[0], turned[3], slaves.sharp
     anchor_nodes, anchor_weights, rates, first = anchors[0], anchors[1], sample_rates(met), slaves.first
     m, k, l, groups = shapes.shape[1], nodes.shape[1], corners.shape[1], len(turned[0]) - 1
     known, sums, led = np.empty(blocks.max() + 1 if len(blocks) else 0, np.int64), *_room(starts)
@@ -96,7 +96,7 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
                 if feet[q] < 0:
                     continue
                 a, share, way, w = q * m + c, covers[q] * around, 0.0, ZERO
-                press = share * weight(A, met[4][q], changing[1][A], slaves.sharp)
+                press = share * weight(A, met[4][q], changing[1][A], sharp)
                 leans, normal, more = slaves.leans[f, c], row(met[5], q), four(ZERO)
                 if leans > 0.0:
                     more = four(times(leans, aside(q, slaves, coords)))
@@ -116,11 +116,11 @@ def node_products(pairs: Pairs, turned: Turned, changing: Changing, products: Pr
                 turning = _turning(here, (met[4][q], normal, planar(normal, own)), w)
                 _add_own_turn(leaned, at_group[group[f, c]], way, own, rubbed)
                 for b in range(k):
-                    part = -slaves.shape[q, b] / lengths[q]
+                    part = -table[q, b] / lengths[q]
                     _add_turning(leaned, at_group[group[f, b]], press * part, way * part, turning)
                 if covers[q] < 1.0:
                     into = known, sums, at_group, leaned
-                    strayed = strays(A, met[4][q], changing[1][A], slaves.sharp)
+                    strayed = strays(A, met[4][q], changing[1][A], sharp)
                     of_share = _of_share(A, strayed, around, (way, planar(rubbed, own)), changing)
                     _uncover(q, of_share, (slaves, met, lengths), blocks, into)
                 for j in range(l if len(changing[6]) > 0 else 0):
@@ -350,7 +350,7 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
     """
     (coords, slaves, surface, met, anchors, normals), (moved, directed, leading) = pairs, motion
     nodes, weights, table, shapes, first = slaves.nodes, slaves.weights, slaves.shape, slaves.N, slaves.first
-    starts, m = slaves.starts, shapes.shape[1]
+    starts, sharp, m = slaves.starts, slaves.sharp, shapes.shape[1]
     tilts, lengths, changes = _tilts(turned, moved), turned[3], np.zeros((len(starts) - 1, 8))
     for A in range(len(changes)):
         total, way, bared = 0.0, ZERO, 0.0
@@ -362,7 +362,7 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
                     continue
                 foot, tilt, jump = foot_of(q, met), ZERO, ZERO
                 for b in range(nodes.shape[1]):
-                    tilt = less(tilt, slaves.shape[q, b] / lengths[q], row(tilts, slaves.group[f, b]))
+                    tilt = less(tilt, table[q, b] / lengths[q], row(tilts, slaves.group[f, b]))
                 for i in range(nodes.shape[1]):
                     jump = less(jump, -table[q, i], row(moved, nodes[f, i]))
                 a, here = q * m + c, ZERO
@@ -378,13 +378,12 @@ def foreseen_averages(pairs: Pairs, averaged: Averaged, turned: Turned, motion: 
                 rubbed, own = planar(w, foot.n), row(normals, slaves.group[f, c])
                 if met[6][q] < 1.0:
                     change = weights[q] * shapes[q, c] * _uncovered(q, met, jump, tilt, moved)
-                    total += change * strays(A, foot.g, averaged[0][A], slaves.sharp)
+                    total += change * strays(A, foot.g, averaged[0][A], sharp)
                     bared += change
                     if has_anchor:
                         way = less(way, -change, minus(planar(rubbed, own), row(averaged[1], A)))
                 jump = minus(jump, here)
-                counts = weight(A, foot.g, averaged[0][A], slaves.sharp)
-                total += share * counts * (dot(push, jump) + dot(turn, tilt))
+                total += share * weight(A, foot.g, averaged[0][A], sharp) * (dot(push, jump) + dot(turn, tilt))
                 if has_anchor:
                     drag = planar(minus(here, of_nodes(anchors[1], a, anchors[0], moved)), foot.n)
                     turned_way = dot(swings[0], tilt), dot(swings[1], tilt), dot(swings[2], tilt)

@@ -49,9 +49,9 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
     gaps differ in weight, forces change by v with a sample's gap, too, that of its nodes held: v and the rates of the gap.
     lengths (np,): of the means."""
     (coords, slaves, _, met, _, _), (N, T, gaps, number) = pairs, acting
-    weights, shapes, sharp = slaves.weights, slaves.N, len(slaves.sharp) > 0
+    weights, shapes, sharp, bending = slaves.weights, slaves.N, slaves.sharp, len(slaves.sharp) > 0
     presses, rates = np.zeros(len(met[0]), np.bool_), np.empty((len(met[0]), 8, 4))
-    bends = np.empty((len(met[0]) if sharp else 0, 2, 4))
+    bends = np.empty((len(met[0]) if bending else 0, 2, 4))
     for q in range(len(presses)):
         f = slaves.facet[q]
         if met[1][q] == NONE:
@@ -62,12 +62,12 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
             A = number[f, c]
             if A >= 0:
                 share = shapes[q, c] * weights[q]
-                pressed = share * N[A] * weight(A, met[4][q], gaps[A], slaves.sharp)
+                pressed = share * N[A] * weight(A, met[4][q], gaps[A], sharp)
                 total += pressed
                 at_ends += pressed * slaves.leans[f, c]
-                if sharp:
-                    stiff -= slaves.sharp[A] * pressed
-                    stiff_at_ends -= slaves.sharp[A] * pressed * slaves.leans[f, c]
+                if bending:
+                    stiff -= sharp[A] * pressed
+                    stiff_at_ends -= sharp[A] * pressed * slaves.leans[f, c]
                 t = less(t, -share, row(T, A))
                 ends = less(ends, -share * slaves.leans[f, c], row(T, A))
         if total == 0.0 and t[0] == 0.0 and t[1] == 0.0 and t[2] == 0.0:
@@ -83,7 +83,7 @@ def held_rates(pairs: Pairs, lengths: Floats, acting: Acting) -> Held:
         put_four(rates, q, WHOLE, four(whole))
         for a in range(3):
             put_four(rates, q, PRESS + a, four(less(times(part * at_ends, AXES[a]), part * normal[a], ends)))
-        if sharp:
+        if bending:
             push, turn, _ = gap_rates(foot_of(q, met))
             v = times(part, plus(times(stiff, normal), times(stiff_at_ends, more)))
             put_four(bends, q, 0, four(v))
@@ -101,7 +101,7 @@ def tangent_rows(
     how many there are: called again where that is more than there is room for."""
     _, slaves, surface, met, _, _ = pairs
     blocks, factors, corners = products[0], products[2], surface[0]
-    table, group = slaves.shape, slaves.group
+    table, group, steered, bending = slaves.shape, slaves.group, slaves.aside, len(held[2]) > 0
     N, frames, (slot_starts, slot_nodes, turns, lengths), (_, rates, bends) = met[9], met[10], turned, held
     k, l, groups = slaves.nodes.shape[1], corners.shape[1], len(slot_starts) - 1
     patches, members = _patch_rows(products, count), products[1][2]
@@ -120,7 +120,7 @@ def tangent_rows(
                 block = blocks[slaves.nodes[ours[at] // k, j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], 1.0, _block(asides, ours[at] * k + j))
-        if len(bends):
+        if bending:
             n = _bend_slave(i, n, on_slave, here[0], surface, columns)
         if bare:
             n = _uncover_slave(i, n, on_slave, *here)
@@ -128,13 +128,13 @@ def tangent_rows(
             q, place = theirs[at] // l, theirs[at] % l
             f, part = slaves.facet[q], N[q, 0, place]
             carried = _carried(rates, q, N[q, 1, place], N[q, 2, place], frames)
-            moved = _both(1.0, carried, part, _outer(four_of(bends, q, 0), four_of(bends, q, 1))) if len(bends) else carried
+            moved = _both(1.0, carried, part, _bent(bends, q)) if bending else carried
             for j in range(k):
                 block = blocks[slaves.nodes[f, j]]
                 n = join(block, listed, i, n)
                 _add(sums, listed[PLACE, block], -table[q, j], moved)
-                if len(slaves.aside):
-                    _add(sums, listed[PLACE, block], -part * slaves.aside[q, j], _block(rates, q, PRESS))
+                if len(steered):
+                    _add(sums, listed[PLACE, block], -part * steered[q, j], _block(rates, q, PRESS))
             for j in range(l):
                 block = blocks[corners[met[0][q], j]]
                 n = join(block, listed, i, n)
@@ -142,7 +142,7 @@ def tangent_rows(
             lean = _both(met[4][q] / lengths[q], carried, part, _block(rates, q))
             for c in range(k):
                 ng = join(group[f, c], at_group, i, ng)
-                _add(leaned, at_group[PLACE, group[f, c]], -slaves.shape[q, c], lean)
+                _add(leaned, at_group[PLACE, group[f, c]], -table[q, c], lean)
             if met[6][q] < 1.0:
                 n = _uncover(i, n, (q, -part), *here)
         for at in range(ng):
@@ -185,12 +185,11 @@ def _slave_leans(slaves: Slaves, held: Held) -> tuple[Floats, Floats]:
         f = slaves.facet[q]
         for i in range(k if presses[q] else 0):
             for j in range(k):
-                _add(leans, (k * f + i) * k + j, table[q, i] * slaves.shape[q, j], _block(rates, q))
+                _add(leans, (k * f + i) * k + j, table[q, i] * table[q, j], _block(rates, q))
                 if turning:
                     _add(asides, (k * f + i) * k + j, table[q, i] * slaves.aside[q, j], _block(rates, q, PRESS))
                 if bending:
-                    bent = _outer(four_of(bends, q, 0), four_of(bends, q, 1))
-                    _add(asides, (k * f + i) * k + j, table[q, i] * table[q, j], bent)
+                    _add(asides, (k * f + i) * k + j, table[q, i] * table[q, j], _bent(bends, q))
     return leans, asides
 
 
@@ -256,7 +255,7 @@ def _bend_slave(
         for q in range(first[f], first[f + 1]):
             if not presses[q]:
                 continue
-            bend = _outer(four_of(bends, q, 0), four_of(bends, q, 1))
+            bend = _bent(bends, q)
             for j in range(corners.shape[1]):
                 block = blocks[corners[met[0][q], j]]
                 n = join(block, listed, i, n)
@@ -357,6 +356,12 @@ def _uncover(
 def _outer(a: Four, b: Four) -> Block:
     """a b^T of vectors."""
     return four_plus(NOUGHT, a[0], b), four_plus(NOUGHT, a[1], b), four_plus(NOUGHT, a[2], b)
+
+
+@njit(cache=True)
+def _bent(bends: Floats, q: int) -> Block:
+    """How the force of sample q changes with how far its foot is from it."""
+    return _outer(four_of(bends, q, 0), four_of(bends, q, 1))
 
 
 @njit(cache=True)
