@@ -241,6 +241,22 @@ def test_what_swells_between_bonds_and_locks_is_told_and_what_swells_freely_is_n
     assert not swollen(cells, 1.1, bonded=False)[1]
 
 
+def test_mixed_cells_that_swell_and_bend_are_told_by_what_they_miss_of_energy_and_of_force():
+    """What has swollen freely has none: with its change of volume counted as strain nothing would be told."""
+
+    def swollen(cells, degree=1):
+        mesh = read_gmsh(rectangles.build, rectangles={"strip": ((0.0, 0.0), (20.0, 1.0), cells)})
+        scene = Scene(Body(mesh, "strip", neo_hooke(1.0, 500.0)), plane="strain", element="mixed", degree=degree)
+        scene.swell("strip", 1.02)
+        scene.fix("strip_xmin")
+        scene.prescribe("strip_xmax", "y", 4.0)
+        result = solve(scene, steps=4).require()
+        return *(result.column(of)[-1] for of in ("strain_energy_Nmm", "strip_xmax_reaction_y_N")), told(result)
+
+    (energy, force, (found,)), (exact, right, none) = swollen((20, 1)), swollen((40, 2), 2)
+    assert not none and force / right - 1.0 < found < energy / exact - 1.0
+
+
 @pytest.mark.parallel
 @pytest.mark.parametrize("element", ["displacement", "mixed"])
 def test_what_comes_after_does_not_depend_on_it(monkeypatch, element):

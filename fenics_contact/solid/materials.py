@@ -143,7 +143,8 @@ def with_pressure(material: Material, p: Expr, theta: Expr, holds: float | None)
     of its own."""
     energy = at_dilatation(material, theta, holds)
     moduli = material.shear_modulus, material.bulk_modulus
-    return Isotropic(material.name, lambda I1, I2, J: energy(I1, I2, J) + p * J, *moduli, *energy_parts(material))
+    parts = energy_parts(material)
+    return Isotropic(material.name, lambda I1, I2, J: energy(I1, I2, J) + p * J, *moduli, *parts, material.swelling)
 
 
 def swollen(material: Material, ratio: Constant | Function) -> Material:
