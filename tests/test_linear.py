@@ -73,6 +73,27 @@ def test_a_factorisation_short_of_workspace_gets_more(symmetric, monkeypatch):
         rest.axpy(-1.0, right)
         assert rest.norm() < 1e-12 * right.norm()
     assert solver.builds == 2 and solver.mumps_code == 0  # the second solve has the first one's
+    other = regular.copy()
+    other.shift(1.0)
+    assert solver.solve(other, 1, right, out, 1e-8) >= 0 and solver.builds == 3  # nor is it short of it with another pattern
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("plane", [True, False])
+def test_what_lies_in_a_plane_is_ordered_by_minimum_degree(plane, monkeypatch):
+    """Also when the pattern has changed, and no other scene's matrices are."""
+    monkeypatch.setattr(factors, "PLAIN", 0)
+    system = block(4).system()
+    system.assemble_tangent()
+    right, out = (system.new_vector() for _ in range(2))
+    right.set(1.0)
+    solver = ReusingSolver(Rows(COMM, 3 * 125, plane=plane), True, "direct", None, Timers())
+    for pattern in range(2):
+        matrix = system.matrix.copy()
+        matrix.shift(1.0 + pattern)
+        assert solver.solve(matrix, pattern, right, out, 1e-8) >= 0
+        assert (solver._factors._pc.getFactorMatrix().getMumpsInfog(7) == factors.MINIMUM_DEGREE) is plane
+        assert not PETSc.Options().hasName("fc_" + factors.ORDERING)
 
 
 def small_matrix(dense, symmetric):

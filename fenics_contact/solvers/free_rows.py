@@ -15,11 +15,12 @@ from fenics_contact.types import Ints, Ints64, Mat
 @dataclass(frozen=True)
 class Rows:
     """Of matrices: the processes that share them, their number in all, and those owned ones, by local number, that supports
-    hold: they have their diagonal alone."""
+    hold: they have their diagonal alone; plane: whether cells that couple them lie in a plane."""
 
     comm: MPI.Comm
     size: int
     held: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    plane: bool = False
 
 
 class FreeRows:

@@ -84,7 +84,7 @@ class LinearSolver:
         modes = partial(_soft_modes, system)
         # on a continuation's way an iterative solver may fail where a factorisation does not: no trials
         trials = choice if choice and not afresh and size > REUSE_ABOVE else method
-        rows = Rows(system.comm, size, system.supports.owned)
+        rows = Rows(system.comm, size, system.supports.owned, system.space.mesh.topology.dim == 2)
         self._solver = ReusingSolver(rows, system.symmetric, trials, modes, system.timers, afresh)
         if size <= SMALL and not self._forced:
             self._solver.give_up_after(LONGEST_IF_SMALL)

@@ -99,7 +99,7 @@ class ReusingSolver:
         self.longest = LONGEST
         self._copy: Mat = None  # what is coarsened
         self._rows: FreeRows | None = None  # what is factorised, and by what
-        self._factors = Factors(rows.comm, PREFIX, symmetric)
+        self._factors = Factors(rows.comm, PREFIX, symmetric, rows.plane)
         self._blocks: BlockOperator | None = None  # multigrid's matrix by our own products, and its smoother
         self._relaxation: GaussSeidel | None = None
         self._pattern: int | None = None
@@ -142,7 +142,7 @@ class ReusingSolver:
         # PETSc would measure the preconditioned residual, in which an old preconditioner hides where it is wrong
         if kind != "preonly":
             ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-        if kind == "gmres":
+        if kind in ("gmres", "fgmres"):
             # without it an ill-conditioned solve loses the basis' orthogonality, and PETSc gives up at the restart
             unless_given(PREFIX, {"ksp_gmres_cgs_refinement_type": "refine_ifneeded"})
             ksp.setGMRESRestart(100)
@@ -154,8 +154,9 @@ class ReusingSolver:
         """Make what factorises."""
         self._rows = FreeRows(self._all, PREFIX)
         self._factors.attach(self._rows.inner)
+        # flexible GMRES keeps what a factorisation makes of its vectors; the plain one applies it once more in the end
         self._krylov, self._fresh = (
-            self._ksp(self._rows.pc, kind) for kind in ("cg" if self.symmetric else "gmres", "preonly")
+            self._ksp(self._rows.pc, kind) for kind in ("cg" if self.symmetric else "fgmres", "preonly")
         )
         self._objects = (self._krylov, self._fresh, self._rows)
 
@@ -255,8 +256,8 @@ class ReusingSolver:
             self._coarsened(matrix)
             return 0
         self._rows.use(matrix, pattern == self._pattern, self.symmetric)
-        self._factors.choose(self._rows.entries)
-        return self._rows.set_up()
+        with self._factors.chosen(self._rows.entries):
+            return self._rows.set_up()
 
     def _lap(self, digits: float = 0.0) -> None:
         """Have the choice know of the time since the last lap, and of a solve by its digits."""
