@@ -75,7 +75,8 @@ def test_a_factorisation_short_of_workspace_gets_more(symmetric, monkeypatch):
     assert solver.builds == 2 and solver.mumps_code == 0  # the second solve has the first one's
     other = regular.copy()
     other.shift(1.0)
-    assert solver.solve(other, 1, right, out, 1e-8) >= 0 and solver.builds == 3  # nor is it short of it with another pattern
+    assert solver.solve(other, 1, right, out, 1e-8) >= 0 and solver.builds == 3
+    assert solver._factors._pc.getFactorMatrix().getMumpsIcntl(14) == 100  # kept with another pattern
 
 
 @pytest.mark.parallel
