@@ -4,6 +4,7 @@ tool that turns does not look as if they did, or as if it let go of them."""
 import gmsh
 import numpy as np
 import pytest
+from drawn import quadrilateral
 from test_damping import door_seal
 
 from fenics_contact import (
@@ -61,6 +62,32 @@ def test_little_friction_holds_a_seal_upright(steps):
     result = solve(scene, move=move, steps=steps, record={"x": lambda view: view.at((0, 11.5, 0)).displacement[0]}).require()
     assert result.column("door_force_y_N")[-1] == pytest.approx(-0.1076, rel=2e-3)
     assert np.abs(result.column("x")).max() < 0.1 and result.verdict.cuts < 2
+
+
+def lips() -> None:
+    """A lip that leans and tapers to a flat end, and a road under it."""
+    quadrilateral("lip", [(0.0, 0.1), (0.4, 0.1), (0.4, 5.0), (-0.8, 5.0)], [4, 24], ["tip", "front", "top", "back"])
+    quadrilateral("road", [(-6.0, -2.0), (6.0, -2.0), (6.0, 0.0), (-6.0, 0.0)], [40, 6], ["under", "right", "rough", "left"])
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.2, 0.3])
+def test_a_slender_lip_that_comes_down_flat_finds_who_sticks(friction: float) -> None:
+    """Its end spreads, and where nothing of it stuck in a tangent all of it flew aside and slipped the other way: status
+    cycled in steps however short (4 cut-backs in 10 and in 40 steps)."""
+
+    def pressed(steps: int) -> Result:
+        mesh = read_gmsh(lips)
+        scene = Scene(Body(mesh, "lip", neo_hooke(1.0, 5.0)), Body(mesh, "road", neo_hooke(80.0, 160.0)), plane="strain")
+        scene.fix("under")
+        scene.fix("top", "x")
+        scene.prescribe("top", "y", -0.4)
+        scene.contact("tip", "rough", friction=friction, name="rub")
+        return solve(scene, steps=steps, out=Output(progress=False)).require()
+
+    few, many = pressed(10), pressed(40)
+    assert few.verdict.cuts == many.verdict.cuts == 0 and few.column("iterations").sum() < 20
+    for axis in "xy":
+        assert few.column(f"rub_force_{axis}_N")[-1] == pytest.approx(many.column(f"rub_force_{axis}_N")[-1], rel=1e-3)
 
 
 def roller(radius: float, place: tuple[float, float, float], facets: int) -> Tool:

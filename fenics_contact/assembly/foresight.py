@@ -60,13 +60,23 @@ class Foresight:
 
     def first_turns(self, state: State) -> tuple[float, float]:
         """After which share of the way from where the last tangent was taken the first of the points that slipped in it has
-        slid back to its anchor, and after which share of the same way backwards; inf: none does. Collective."""
-        known = [contact for contact in self.contacts if contact in self.linearised]
+        slid back to its anchor, and after which share of the same way backwards; inf: none does. Where all contacts settle
+        who is in contact by themselves, of those alone in which nothing stuck, else of those that do not. Collective."""
+        counts = self._loose(state) if self.settles else [not contact.partner.settles for contact in self.contacts]
+        known = [c for c, one in zip(self.contacts, counts, strict=True) if one and c in self.linearised]
         ahead = [c.partner.ahead(c.places.feet(state), self.linearised[c], c.trial) for c in known]
         start, end = np.concatenate([np.empty((0, 2)), *ahead]).T
         first = [(start[lost > 0.0] / lost[lost > 0.0]).min(initial=np.inf) for lost in (start - end, end - start)]
         onwards, back = np.min(state.comm.allgather(first), axis=0)
         return float(onwards), float(back)
+
+    def _loose(self, state: State) -> list[bool]:
+        """Of contacts, whether points of theirs slipped in the last tangent, and none stuck. Collective."""
+        counts = np.zeros((len(self.contacts), 2), dtype=np.int64)
+        for contact, row in zip(self.contacts, counts, strict=True):
+            statuses, codes = self._statuses.get(contact, contact.statuses()), contact.parts.laws(frictionless=False)
+            row[:] = [np.count_nonzero(statuses == codes[name]) for name in ("slip", "stick")]
+        return [bool(slip and not stick) for slip, stick in state.comm.allreduce(counts)]
 
     def hold(self, share: float) -> None:
         """Let them take the pressures of the last accepted state, carried on by `share` of the last change, until then."""

@@ -183,8 +183,9 @@ class MortarPartner(OnFacets):
         return np.column_stack([trial.history.carried_on(share), further * averaged[1]]).ravel()
 
     def ahead(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
-        """Not looked for: `foreseen` tells what has turned, and no increment is shortened."""
-        return np.empty((0, 2))
+        """See `ContactPartner.ahead`."""
+        ways = [self._laws.averages(at, trial.history.anchors)[1] for at in (before.feet, feet)]
+        return np.stack([np.einsum("nc,nc->n", before.T, way) for way in ways], axis=-1)
 
     def more_friction(self, feet: MortarFeet, trial: Trial) -> tuple[Floats, Floats]:
         """See `turning.more_friction`."""

@@ -23,7 +23,7 @@ from fenics_contact.solvers.out_of_balance import (
     upright,
 )
 from fenics_contact.solvers.report import StepReport
-from fenics_contact.solvers.shortening import put_upright, shorten
+from fenics_contact.solvers.shortening import move, put_upright, shorten, to_turn
 from fenics_contact.solvers.touching import untouched
 from fenics_contact.solvers.verdict import StepFailed
 from fenics_contact.types import Floats
@@ -33,6 +33,8 @@ QUICK = 10  # solves within which a step from a start on the curve has to end; e
 # curve, and where it began at the last state and is no shorter than the last step. Nine of ten that have not go astray to
 # the end, and a step cut back costs a few solves
 AT_ONCE, EARLY, HOPE = 5, 8, 0.5
+# Share of an increment before which a slipping point has turned where that is a flight: nothing sticks, nor resists as far
+FLIGHT = 0.05
 
 
 Driven = tuple[Floats, Floats]  # of supports' dofs and of the tools' coordinates
@@ -148,9 +150,12 @@ class Newton:
 
         Where hardly a point is to open, close, stick or slip, what an early one from near balance leaves are penalties on
         ways that turn and bend, which the next solve takes away: shortened, it would end among gaps that are wrong by all
-        that it left undone. Of a tool that is free to move this may be a motion that nothing resists.
+        that it left undone. Of a tool that is free to move this may be a motion that nothing resists. Where all settles by
+        itself an increment is taken whole, but for a flight: of a slender part of which all slips.
         """
         foresight, size = system.foresight, finite_residual(system)
+        if size > before and foresight.settles and 0.0 < abs(turn := to_turn(system, increment)) < FLIGHT:
+            return Taken(upright(move(system, increment, 1.0, turn)), 1.0 - turn, shortened=True)
         if foresight.foretells and not np.isfinite(size):
             return Taken(*put_upright(system, increment))
         sure = early and not strict and foresight.foretells and before < HOPE and not system.tools.free.any()

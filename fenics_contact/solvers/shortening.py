@@ -39,7 +39,7 @@ def shorten(system: System, increment: Solution, before: float, size: float, str
     does lower it. A residual costs about a hundredth of a tangent solve. Where points that slip turn on its way it ends
     where the first one does.
     """
-    if not strict and (turn := _to_turn(system, increment)) != 0.0:
+    if not strict and (turn := to_turn(system, increment)) != 0.0:
         return upright(move(system, increment, 1.0, turn)), turn
     share, whole = 1.0, size
     while size > before and share > (SHORTEST / 16 if strict else SHORTEST):
@@ -55,7 +55,7 @@ def shorten(system: System, increment: Solution, before: float, size: float, str
     return upright(size), share
 
 
-def _to_turn(system: System, increment: Solution) -> float:
+def to_turn(system: System, increment: Solution) -> float:
     """The share of an increment after which the first point has slid back to where it sticks; 0: none has.
 
     The tangent holds the direction in which a point slips. Where all slip, nothing but the body's own stiffness may hold
