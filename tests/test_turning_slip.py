@@ -90,6 +90,32 @@ def test_a_slender_lip_that_comes_down_flat_finds_who_sticks(friction: float) ->
         assert few.column(f"rub_force_{axis}_N")[-1] == pytest.approx(many.column(f"rub_force_{axis}_N")[-1], rel=1e-3)
 
 
+def pin() -> None:
+    """A pad, and above it a slender pin whose end is round."""
+    quadrilateral("pad", [(0.0, -2.4), (8.0, -2.4), (8.0, 0.0), (0.0, 0.0)], [16, 5], ["under", "right", "rough", "left"])
+    quadrilateral("pin", [(1.9, 0.3), (2.66, 0.3), (2.66, 7.4), (1.9, 7.4)], [5, 50], ["tip", "east", "top", "west"])
+    nodes, places, _ = gmsh.model.mesh.getNodes()
+    for node, (x, y, z) in zip(nodes, places.reshape(-1, 3), strict=True):
+        if y > 0.2:
+            gmsh.model.mesh.setNode(node, [x, y + 25.0 * (x - 2.28) ** 2 * (7.4 - y) / 7.1, z], [])
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.2, 0.3])
+def test_the_end_of_a_slender_pin_does_not_slip_to_and_fro(friction: float) -> None:
+    """Two nodes carry it. Next to balance, from 1e-4 of the force, both slipped one way and the other in turn, in steps
+    however short (2 ... 7 cut-backs in 7 steps)."""
+    mesh = read_gmsh(pin)
+    bodies = Body(mesh, "pad", neo_hooke(1.0, 20.0)), Body(mesh, "pin", neo_hooke(0.2, 4.0))
+    scene = Scene(*bodies, plane="strain", element="mixed")
+    for side, axis in (("under", "y"), ("left", "x"), ("top", "x")):
+        scene.fix(side, axis)
+    scene.prescribe("top", "y", -0.66)
+    scene.contact("tip", "rough", friction=friction, name="end")
+    few, many = (solve(scene, steps=steps, out=Output(progress=False)).require() for steps in (7, 28))
+    assert few.verdict.cuts == many.verdict.cuts == 0 and few.column("iterations").sum() < 25
+    assert few.column("end_force_y_N")[-1] == pytest.approx(many.column("end_force_y_N")[-1], rel=1e-3)
+
+
 def roller(radius: float, place: tuple[float, float, float], facets: int) -> Tool:
     """Round, or of so many facets."""
     if not facets:

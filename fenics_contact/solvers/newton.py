@@ -33,7 +33,8 @@ QUICK = 10  # solves within which a step from a start on the curve has to end; e
 # curve, and where it began at the last state and is no shorter than the last step. Nine of ten that have not go astray to
 # the end, and a step cut back costs a few solves
 AT_ONCE, EARLY, HOPE = 5, 8, 0.5
-# Share of an increment before which a slipping point has turned where that is a flight: nothing sticks, nor resists as far
+# Share of an increment before which a slipping point has turned where that is a flight: nothing sticks, nor resists as far.
+# Next to balance, where points are judged by what they have, any share: all would slip to and fro
 FLIGHT = 0.05
 
 
@@ -154,7 +155,8 @@ class Newton:
         itself an increment is taken whole, but for a flight: of a slender part of which all slips.
         """
         foresight, size = system.foresight, finite_residual(system)
-        if size > before and foresight.settles and 0.0 < abs(turn := to_turn(system, increment)) < FLIGHT:
+        far = FLIGHT if before > HELD else 1.0
+        if size > before and foresight.settles and 0.0 < abs(turn := to_turn(system, increment)) < far:
             return Taken(upright(move(system, increment, 1.0, turn)), 1.0 - turn, shortened=True)
         if foresight.foretells and not np.isfinite(size):
             return Taken(*put_upright(system, increment))
