@@ -42,11 +42,12 @@ def build() -> None:
     gmsh.model.mesh.generate(2)
 
 
-@pytest.mark.parametrize("steps, most", [(10, 80), (4, 90)])
+@pytest.mark.parametrize("steps, most", [(10, 55), (7, 55), (4, 70)])
 def test_a_head_bends_a_strip(steps: int, most: int) -> None:
     """A cantilever bent by a head: 3 E I d / a^3. Its stiffness is 1e-5 of E/h, by which nodes are judged in solid bodies:
     gaps of 1e-5 that curvature left after a solve opened the one node in contact, and all others closed (123 and 145
-    tangents, 5 and 7 cut-backs)."""
+    tangents, 5 and 7 cut-backs with 10 and 4 steps), and a tangent with pressures that nodes have before any solve presses
+    them, or against others that open then, leads astray (106, 124 and 113 with 10, 7 and 4)."""
     mesh = read_gmsh(build)
     bodies = Body(mesh, "strip", from_elastic(E, NU)), Body(mesh, "head", from_elastic(10.0 * E, NU))
     scene = Scene(*bodies, plane="strain", degree=2)

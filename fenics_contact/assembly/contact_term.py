@@ -58,7 +58,11 @@ class ContactPartner(Protocol):
 
     def foreseen(self, feet: Any, before: Any, trial: Trial) -> Floats:
         """What decides at these feet as the tangent at the feet `before` foresees it: gaps (n,), shifts added, or (4 n,),
-        ways behind them [length]."""
+        ways behind them [length]. Collective."""
+
+    def found(self, feet: Any, trial: Trial) -> Floats:
+        """What decides at these feet by what points have there, in whichever place they are then; (0,): by what they have in
+        that."""
 
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """The same at the start of a step: of the last accepted one, carried on by a share of the change in it."""

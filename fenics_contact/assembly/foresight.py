@@ -28,7 +28,7 @@ class Foresight:
         self.settles = self.foretells and all(contact.partner.settles for contact in contacts)
         self.linearised: dict[Term, Any] = {}
         self._statuses: dict[Term, Array] = {}  # of its points then
-        self._told: dict[ContactTerm, Floats] = {}  # what the last tangent foresaw, where samples have changed since
+        self._told: dict[ContactTerm, Floats] = {}  # by what they had been before samples changed
         self._samples_held = False
 
     def learn(self, term: Term, at: Any) -> None:
@@ -112,11 +112,11 @@ class Foresight:
         return changed
 
     def follow(self, state: State) -> bool:
-        """The same after a solve, of which the contacts go on taking what had been foreseen: the gaps that new samples find
-        differ from the old ones' by more than a soft part presses a penalty in. Collective."""
+        """The same near balance, of which the contacts go on taking what they have: the gaps that new samples find differ
+        from the old ones' by more than a soft part presses a penalty in. Collective."""
         if not any(contact.partner.settles for contact in self._all):  # averages do: others have no samples
             return False
-        told = self._foreseen(state)
+        told = {contact: contact.partner.found(contact.places.feet(state), contact.trial) for contact in self.contacts}
         if changed := self.resample(state):
             self._told = told
         return changed

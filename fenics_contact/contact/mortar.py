@@ -9,7 +9,7 @@ from fenics_contact.contact.friction import Friction
 from fenics_contact.contact.master import motion
 from fenics_contact.contact.meeting import Linearised, MortarFeet
 from fenics_contact.contact.node_anchors import NodeAnchors
-from fenics_contact.contact.node_laws import NodeLaws
+from fenics_contact.contact.node_laws import JUDGED, NodeLaws, bending, judged
 from fenics_contact.contact.node_pattern import NodePattern
 from fenics_contact.contact.node_places import NodePlaces, ends_at
 from fenics_contact.contact.on_facets import MARGIN, OnFacets, own
@@ -87,7 +87,7 @@ class MortarPartner(OnFacets):
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
         forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 13)), self.surface.area
-        kernel.add_node_forces(self._pairs(feet, trial), (N, T, averaged[0], self.places.around.number), forces, sums)
+        kernel.add_node_forces(self._laws.pairs(feet, trial), (N, T, averaged[0], self.places.around.number), forces, sums)
         if len(trial.rubs):
             add_rubbing(feet, self.places.facets[0], trial.rubs, forces)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
@@ -96,9 +96,6 @@ class MortarPartner(OnFacets):
         more = sums[:, 8:9] / np.maximum(sums[:, 7:8], 1e-300)
         acting = -sums[:, 9:10] / area, (-sums[:, 10:] / area)[:, None]
         return Response(traction, gap, status[:, None], cover, forces, split, 1.0 + more, acting)
-
-    def _pairs(self, feet: MortarFeet, trial: Trial) -> kernel.Pairs:
-        return feet.pairs(self.places.facets, own(trial.history.anchors))
 
     def add_forces(self, feet: MortarFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
@@ -115,7 +112,7 @@ class MortarPartner(OnFacets):
         law = self._laws.numbers(trial, self._laws.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._laws.share(trial))
         rates[:, :, 1:4] = rates[:, :, 1:4] @ feet.kept
-        pairs, turned, pattern = self._pairs(feet, trial), self._laws.turned(feet), self._pattern
+        pairs, turned, pattern = self._laws.pairs(feet, trial), self._laws.turned(feet), self._pattern
         directed, leading = self._laws.leading(feet, trial.law.friction)
         rough = NORMAL + (ROUGH - NORMAL) * rates[:, 1:, :4].any(axis=(1, 2))
         asked = np.where(rates[:, 0, 0] != 0.0, rough, 0)
@@ -132,7 +129,7 @@ class MortarPartner(OnFacets):
         """None while all closed nodes lie in the pattern asked for last; else keys row * N + column of a new one."""
         averaged = self._laws.averaged(feet, trial.history.anchors)
         gaps = averaged[0] + trial.history.shift.ravel()
-        gaps = np.minimum(gaps, trial.judged.reshape(-1, 4)[:, 0]) if len(trial.judged) else gaps
+        gaps = np.minimum(gaps, trial.judged.reshape(-1, JUDGED)[:, 0]) if len(trial.judged) else gaps
         closed = np.isfinite(averaged[0]) & (gaps <= 2.0 * trial.law.touch)
         anchors = own(trial.history.anchors)
         if self._pattern.suffices(closed, feet, anchors):
@@ -143,7 +140,7 @@ class MortarPartner(OnFacets):
         return self._pattern.keys
 
     def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
-        """Gaps, shifts added, and ways (4 ns,) that decide: of the tractions which the tangent `before` foresees at these
+        """What decides (5 ns,), see `judged`: of the tractions which the tangent `before` foresees at these
         places, with a share of what is found there.
 
         A node that pressed then opens by its pressure, or by a gap more than 1/SOFT times as wide as the solve has moved it:
@@ -152,7 +149,7 @@ class MortarPartner(OnFacets):
         then, law, anchors = before.feet, trial.law, trial.history.anchors
         means = self._laws.averages(then, anchors)
         moved = motion(then, feet, self.places.first), *self._laws.leading(then, law.friction)
-        change = foreseen_averages(self._pairs(then, trial), means, self._laws.turned(then), moved)
+        change = foreseen_averages(self._laws.pairs(then, trial), means, self._laws.turned(then), moved)
         averaged = self._laws.averaged(feet, anchors)
         part = self._laws.softened(averaged, trial)
         eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]
@@ -164,23 +161,30 @@ class MortarPartner(OnFacets):
         soft = kernel.SOFT * np.abs(foreseen[:, 0]) / np.maximum(np.abs(gaps - means[0]), 1e-300)
         share[pressed, 0] = np.minimum(share[:, 0], soft)[pressed]
         gaps = foreseen[:, 0] + share[:, 0] * (found - foreseen)[:, 0]
-        return np.column_stack([gaps, weighed(foreseen[:, 1:], found[:, 1:], share[:, 1:])]).ravel()
+        pressures = -eps[:, 0] * foreseen[:, 0], -eps[:, 0] * gaps
+        bends = bending(*pressures, pressed, self.surface.area.ravel(), self.places.skin.comm)
+        return judged(gaps, weighed(foreseen[:, 1:], found[:, 1:], share[:, 1:]), bends)
+
+    def found(self, feet: MortarFeet, trial: Trial) -> Floats:
+        """See `ContactPartner.found`."""
+        averaged = self._laws.averaged(feet, trial.history.anchors)
+        return judged(np.minimum(averaged[0], self.places.search) + trial.history.shift.ravel(), averaged[1])
 
     def deciding(self, feet: MortarFeet, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
-        """See `Partner.deciding`: these gaps, and the ways (4 ns,) of what stuck by the friction that it had; of what is to
-        slip the farther."""
+        """See `Partner.deciding`: these gaps, and the ways of what stuck by the friction that it had; of what is to slip
+        the farther."""
         averaged, status, *_, pulled = self._laws.tractions(feet, before)
         now = self._laws.averaged(feet, trial.history.anchors)[1]
         ways = np.where((status == STICK)[:, None], pulled / self._laws.stick(averaged, trial), now / np.minimum(wide, 1.0))
-        return np.column_stack([gaps, ways]).ravel()
+        return judged(gaps.ravel(), ways)
 
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps, shifts added, carried on from those of the last accepted step by a share of the change in it, and ways
-        (4 ns,) that decide at the start of the next."""
+        that decide at the start of the next."""
         averaged, status, *_ = self._laws.tractions(trial.history.feet, trial)
         # a node that slipped has been left on its cone, whose ellipse turns with the master: its way goes on, beyond it
         further = np.where(status == SLIP, 2.0, 1.0)[:, None]
-        return np.column_stack([trial.history.carried_on(share), further * averaged[1]]).ravel()
+        return judged(trial.history.carried_on(share).ravel(), further * averaged[1])
 
     def ahead(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
         """See `ContactPartner.ahead`."""

@@ -1,6 +1,7 @@
 """Pressure and friction of slave nodes from the averages of gap and way over the samples around them."""
 
 import numpy as np
+from mpi4py.MPI import Intracomm
 
 from fenics_contact.assembly.trial import Trial
 from fenics_contact.contact.friction import Friction
@@ -9,7 +10,9 @@ from fenics_contact.contact.meeting import MortarFeet
 from fenics_contact.contact.node_places import NodePlaces
 from fenics_contact.contact.on_facets import own
 from fenics_contact.kernels import mortar as kernel
-from fenics_contact.types import Anchors, Floats, Ints, Ints64
+from fenics_contact.types import Anchors, Bools, Floats, Ints, Ints64
+
+JUDGED = 5  # numbers of a node in `Trial.judged`: see `judged`
 
 
 class NodeLaws:
@@ -29,9 +32,12 @@ class NodeLaws:
     def averages(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
         return kernel.averages(feet.pairs(self._places.facets, own(anchors)))
 
+    def pairs(self, feet: MortarFeet, trial: Trial) -> kernel.Pairs:
+        return feet.pairs(self._places.facets, own(trial.history.anchors))
+
     def numbers(self, trial: Trial, friction: Friction) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()
-        judged, body = trial.judged.reshape(-1, 4), self._places.surface.stiffness
+        judged, body = trial.judged.reshape(-1, JUDGED), self._places.surface.stiffness
         return law.eps_n, law.eps_t, friction, float(law.touch), shift, judged, body
 
     def friction(self, feet: MortarFeet, trial: Trial) -> Friction:
@@ -71,3 +77,28 @@ class NodeLaws:
         """Penalties (ns, 1) of the nodes' slip [pressure/length]; without a foot there is no slip."""
         part = self.softened(averaged, trial)
         return (trial.law.eps_t * np.where(part > 0.0, part, 1.0))[:, None]
+
+
+def judged(gaps: Floats, ways: Floats, bends: Floats | float = 1.0) -> Floats:
+    """What decides of nodes (5 ns,), as `Trial.judged` has it: gaps (ns,), shifts added, ways (ns, 3), and how much (ns,)
+    of their tractions bends with the surfaces in the next tangent."""
+    return np.column_stack([gaps, ways, np.broadcast_to(bends, gaps.shape)]).ravel()
+
+
+def bending(foreseen: Floats, taken: Floats, pressed: Bools, area: Floats, comm: Intracomm) -> Floats:
+    """How much (ns,) of what nodes are taken to press with bends with the surfaces in the next tangent.
+
+    foreseen, taken (ns,): pressures that the last solve foresaw, and that the next begins with; pressed (ns,): who pressed
+    in the last tangent; area (ns,): the nodes'. Collective.
+
+    Where closed nodes were to pull, what the others pressed with against them goes as these open; what closes is pressed by
+    no solve yet, but by how deep it lies, as a solid body would be. Of a slender part either may be thousands of times its
+    force, and a tangent with such pressures, turning with it, leads nowhere. So what goes on pressing bends with no more
+    than was foreseen in all, what closes with no more than any of it.
+    """
+    kept, force = pressed & (taken > 0.0), foreseen * area
+    here = np.array([force[pressed].sum(), force[kept].sum(), foreseen[kept].max(initial=0.0)])
+    every = np.array(comm.allgather(here))
+    (whole, stays), most = every[:, :2].sum(axis=0), every[:, 2].max()
+    share = min(max(whole / stays, 0.0), 1.0) if stays > 0.0 else 1.0
+    return np.where(pressed, share, np.minimum(share * most / np.maximum(taken, 1e-300), 1.0))

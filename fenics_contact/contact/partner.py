@@ -7,7 +7,7 @@ import numpy as np
 from fenics_contact.assembly.blocks import Blocks
 from fenics_contact.assembly.contact_term import ContactPartner, ContactPlaces
 from fenics_contact.assembly.term import State
-from fenics_contact.assembly.trial import Response, Trial
+from fenics_contact.assembly.trial import PRESENT, Response, Trial
 from fenics_contact.contact.crossing import Crossed, Crossing
 from fenics_contact.contact.entered import Entered
 from fenics_contact.contact.friction import Friction
@@ -255,6 +255,10 @@ class PointPressures:
     def deciding(self, feet: Any, before: Trial, trial: Trial, gaps: Floats, wide: Floats) -> Floats:
         """See `Partner.deciding`: by so much greater pressures, for ways decide as they are."""
         return (wide * gaps).ravel()
+
+    def found(self, feet: Any, trial: Trial) -> Floats:
+        """(0,): points stay where they are."""
+        return PRESENT
 
     def carried_on(self, trial: Trial, share: float) -> Floats:
         """Gaps (ne nq,), shifts added, of the last accepted step, carried on by a share of the change in it."""

@@ -18,8 +18,9 @@ Arrays travel in groups (tuples, C-contiguous, float64 and int64); coords (nx, 3
     averaged   (gaps (ns,), endless without a foot, ways (ns, 3) since the anchors [length], areas (ns,) that have met the
                master, those with anchors (ns,), and all (ns,) [length^2]) of the slave nodes
     law        (eps_n (ns,), eps_t (ns,) [pressure/length], Friction of kernels/law.py, touch [length], shift (ns,) [length],
-               judged (ns, 4) or (0, 4): gap, shift added, and way that decide who is closed and who slips [length], body
-               (ns,): E/h of what lies beneath [pressure/length])
+               judged (ns, 5) or (0, 5): gap, shift added, and way that decide who is closed and who slips [length], and
+               the share of its traction that bends with the surfaces in the tangent, body (ns,): E/h of what lies beneath
+               [pressure/length])
 A node's anchors trail the feet of its samples by its elastic slip: its friction is felt again wherever these go on.
 """
 
@@ -274,7 +275,7 @@ def node_tractions(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[In
 @njit(cache=True, error_model="numpy")
 def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats, Floats, Floats]:
     """rates (ns, 4, 8) of N and T_T with gap, way, share and direction of friction, the last none where one holds for all,
-    and N (ns,), T_T (ns, 3) that the judged gaps and ways mean."""
+    and N (ns,), T_T (ns, 3) that the judged gaps and ways mean, as far as they bend with the surfaces."""
     gaps, ways, shift, judged, directions = averaged[0], averaged[1], law[4], law[5], law[2].directions
     n = len(gaps)
     rates, N, T = np.zeros((n, 4, 8)), np.zeros(n), np.zeros((n, 3))
@@ -287,14 +288,14 @@ def node_rates(law: NodeLaws, averaged: Averaged, share: Floats) -> tuple[Floats
         found = traction(numbers, gap, ZERO, along, told)
         if found.status == OPEN:
             continue
-        by = partials(numbers, gap, ZERO, along, found)
-        rates[A, 0, 0], N[A] = share[A] * numbers.eps_n, share[A] * found.N
+        by, bends = partials(numbers, gap, ZERO, along, found), share[A] * (judged[A, 4] if len(judged) > 0 else 1.0)
+        rates[A, 0, 0], N[A] = share[A] * numbers.eps_n, bends * found.N
         for a in range(3):
-            T[A, a] = share[A] * found.tangential[a]
+            T[A, a] = bends * found.tangential[a]
             rates[A, 1 + a, 0] = share[A] * by.g[a]
         if found.status == STICK and len(judged) > 0:
             for a in range(3):
-                T[A, a] = share[A] * numbers.eps_t * judged[A, 1 + a]
+                T[A, a] = bends * numbers.eps_t * judged[A, 1 + a]
         _put_rows(rates, A, 1, weight * share[A], by.w)
         slope = _series(A, law, averaged)[1]  # both penalties grow alike: so does what sticks, and what slips with N
         rates[A, 0, 4] = slope * N[A]
