@@ -23,6 +23,7 @@ BEYOND = 0.1
 FAR_BEYOND = 1.0  # the same for samples, of which some lies over the master while they miss it by less than their own size
 # Of a facet's radius: what lies on it is no farther from its middle, curved ones included
 WIDER = 1.1
+NO_EDGES = np.empty((0, 4), dtype=np.int64)
 
 Walled = tuple[Ints64, coverage.Walls]
 
@@ -123,13 +124,15 @@ def _closest(points: Floats, normals: Floats, master: PlacedSurface, lists: List
 CLOSEST = Seek(_closest, None)
 
 
-def along_normals(beyond: float, quadratic: bool = False) -> Seek:
-    """Seeks along given unit normals (np, 3) out of the slave, which may miss facets by `beyond`; quadratic: facets are of
-    degree 2."""
+def along_normals(beyond: float, quadratic: bool = False, around: Ints64 = NO_EDGES) -> Seek:
+    """Seeks along given unit normals (np, 3) out of the slave, which may miss facets by `beyond` where the surface does not
+    go on; around (nf, 4): of `coverage.beyond_edges`, where they may; quadratic: facets are of degree 2."""
     rays = quadratic_rays if quadratic else slave_rays
 
     def fill(points: Floats, normals: Floats, master: PlacedSurface, lists: Lists, search: float, out: Projection) -> None:
         rays(points, -normals, master, lists, (search, beyond, FACING), out)
+        if beyond > 0.0:
+            coverage.lose_passed(points, master, around, out)
 
     return Seek(fill, beyond)
 

@@ -16,6 +16,7 @@ from fenics_contact.contact.pairing import BEYOND, CLOSEST, Pairing, Seek, Watch
 from fenics_contact.contact.surface import SlaveSurface
 from fenics_contact.contact.unit import unit
 from fenics_contact.kernels.closest_point import NONE, Projection
+from fenics_contact.kernels.coverage import beyond_edges
 from fenics_contact.kernels.deformable_element import slave_points
 from fenics_contact.kernels.quadratic import foot_shapes
 from fenics_contact.kernels.slave_ray import facet_directions
@@ -67,7 +68,9 @@ class PointPlaces(PlacesOnFacets[FacetFeet]):
 
     def _seek(self) -> Seek:
         s = self.surface
-        return CLOSEST if s.gradients is None else along_normals(BEYOND if s.corners else 0.0)
+        if s.gradients is None:
+            return CLOSEST
+        return along_normals(BEYOND, around=beyond_edges(self.facets)) if s.corners else along_normals(0.0)
 
     def _met(self, state: State) -> FacetFeet:
         coords, points, normals, _ = placed = self._placed(state)

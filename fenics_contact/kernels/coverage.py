@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fenics_contact.kernels.closest_point import NONE, Lists, Projection
-from fenics_contact.kernels.facets import Surface
+from fenics_contact.kernels.closest_point import NONE, OVERLAP, Lists, Projection
+from fenics_contact.kernels.facets import PlacedSurface, Surface
 from fenics_contact.kernels.vectors import Vector, cross, dot, less, minus, norm, planar, plus, put, row, times
 from fenics_contact.types import Bools, Floats, Ints64
 
@@ -167,6 +167,59 @@ def _nearest_end(
     return best, distance, out
 
 
+@njit(cache=True)
+def _continued(q: int, size: int, xi: Floats) -> bool:
+    """Whether point q lies beyond the facet that it is paired with, one of 3 or 4 corners."""
+    s, t, limit = xi[q, 0], xi[q, 1], 1.0 + OVERLAP
+    return min(s, t) < -OVERLAP or s + t > limit if size == 3 else max(abs(s), abs(t)) > limit
+
+
+@njit(cache=True, error_model="numpy")
+def _outside(y: Vector, n: Vector, f: int, coords: Floats, surface: Surface) -> bool:
+    """Whether place y is seen, along n, beside the polygon of the corners of facet f."""
+    nodes, size = surface
+    for i in range(size[f]):
+        a = row(coords, nodes[f, i])
+        along = minus(row(coords, nodes[f, (i + 1) % size[f]]), a)
+        across = cross(along, n)
+        if dot(across, minus(y, a)) > TIE * norm(across) * norm(along):
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _passed(q: int, coords: Floats, surface: Surface, points: Floats, projection: Projection) -> bool:
+    """Whether sample q lies beyond its facet, beside its corners, too: curved sides bulge."""
+    f, n = projection[0][q], row(projection[5], q)
+    if not _continued(q, surface[1][f], projection[3]):
+        return False
+    return _outside(less(row(points, q), projection[4][q], n), n, f, coords, surface)
+
+
+@njit(cache=True, error_model="numpy")
+def lose_passed(points: Floats, placed: PlacedSurface, beyond: Ints64, projection: Projection) -> None:
+    """Points (np, 3) that meet no facet and are paired with one that is continued beyond an edge, though another facet lies
+    there that looks towards them, lose their foot: the surface curves away and ends before it comes to them. beyond (nf, 4):
+    of `beyond_edges`."""
+    (coords, surface), (facet, kind, _, xi, gap, normal) = placed, projection
+    nodes, size = surface
+    for q in range(len(points)):
+        f = facet[q]
+        if kind[q] == NONE or not _continued(q, size[f], xi):
+            continue
+        n, least, there = row(normal, q), math.inf, -1
+        y = less(row(points, q), gap[q], n)
+        for i in range(size[f]):
+            a = row(coords, nodes[f, i])
+            along, way = minus(row(coords, nodes[f, (i + 1) % size[f]]), a), minus(y, a)
+            s = dot(way, along) / max(dot(along, along), 1e-300)
+            off = norm(less(way, min(max(s, 0.0), 1.0), along))
+            if off < least:  # outside of a corner two edges are as far
+                least, there = off, beyond[f, i] if 0.0 < s < 1.0 else -1
+        if there >= 0 and _leans_less(there, 0.0, n, coords, surface):
+            facet[q], kind[q], gap[q] = -1, NONE, np.inf
+
+
 @njit(cache=True, error_model="numpy")
 def coverage(
     coords: Floats,
@@ -176,7 +229,8 @@ def coverage(
     projection: Projection,
     cover: Cover,
 ) -> None:
-    """Fill cover; samples of which nothing lies over the master lose their foot in the projection.
+    """Fill cover; samples of which nothing lies over the master lose their foot in the projection. So do those beyond their
+    facet where it does not end: the surface goes on there, curves away, and ends before it comes to them.
 
     master: its surface and ends; sight: by which it is judged what looks towards the samples.
     """
@@ -190,6 +244,8 @@ def coverage(
         x, n, shares[q] = row(points, q), row(normal, q), 1.0
         e, d, nu = _nearest_end(x, n, (facet[q], gap[q]), coords, master, (row(sight[0], q), sight[1]))
         if e < 0:
+            if _passed(q, coords, master[0], points, projection):
+                shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
             continue
         far = near = corners[q, 0]
         for c in range(1, corners.shape[1]):
@@ -199,9 +255,9 @@ def coverage(
         span = times(rims[q], minus(row(coords, far), row(coords, near)))
         w = max(dot(nu, span), 1e-300)
         share = 0.5 + d / w
-        if share >= 1.0:
+        if share >= 1.0 and not _passed(q, coords, master[0], points, projection):
             continue
-        if share <= 0.0:
+        if share <= 0.0 or share >= 1.0:
             shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
             continue
         shares[q] = share

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fenics_contact.contact.samples import corner_shapes, gauss
-from fenics_contact.kernels.coverage import FACING, coverage, surface_ends
+from fenics_contact.kernels.closest_point import INTERIOR, NONE
+from fenics_contact.kernels.coverage import FACING, beyond_edges, coverage, lose_passed, surface_ends
 from fenics_contact.kernels.slave_ray import slave_rays
 
 pytestmark = pytest.mark.serial
@@ -108,6 +109,32 @@ def test_a_surface_that_curves_away_ends_without_a_jump_where_it_is_out_of_sight
         assert before - 0.05 < shares @ weights < before + 1e-12
         before = shares @ weights
     assert before == 0.0
+
+
+@pytest.mark.parametrize("chords", [6, 24, 48])
+def test_a_long_facet_is_not_continued_past_a_fine_round_edge(chords):
+    """What curves away beside it ends far short of the samples that would meet it there: shares rose again, to one."""
+    turns = np.linspace(0.0, np.pi / 2, chords + 1)
+    edge = 0.3 * np.column_stack([np.sin(turns), np.cos(turns) - 1.0])
+    profile = np.concatenate([[[-8.0, 0.0]], edge, [[0.3, -5.0]]])
+    s, n = np.linspace(-2.0, 2.0, 3), len(profile)
+    x = np.array([[a, b, z] for b in s for a, z in profile])
+    facets = np.array(
+        [[i + n * j, i + 1 + n * j, i + 1 + n * (j + 1), i + n * (j + 1)] for j in range(2) for i in range(n - 1)]
+    )
+    surface = facets, np.full(len(facets), 4)
+    found = [covered(0.125 * SQUARE + [shift, 0.0, 0.1], x, surface) for shift in np.linspace(-1.0, 3.0, 201)]
+    on = np.array([shares @ weights for shares, weights, _ in found])
+    assert on[0] == 1.0 and on[-1] == 0.0
+    assert (np.diff(on) < 1e-12).all()
+    # without shares: what misses it and lies within a tenth of its facet
+    off = 0.3 * np.sin(turns[-1]) + 0.05
+    point, normal = np.array([[off, 0.1, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    ray = (*(np.zeros(1, np.int64) for _ in range(3)), np.zeros((1, 2)), np.zeros(1), np.zeros((1, 3)))
+    slave_rays(point, normal, (x, surface), (np.array([0, len(facets)]), np.arange(len(facets))), (2.0, 0.1, 0.0), ray)
+    assert ray[1][0] == INTERIOR and ray[0][0] in (0, n - 1)  # the long ones, continued
+    lose_passed(point, (x, surface), beyond_edges(surface), ray)
+    assert ray[1][0] == NONE
 
 
 def test_what_lies_outside_a_corner_is_as_far_as_the_farther_edge():
