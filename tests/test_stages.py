@@ -217,6 +217,36 @@ def test_what_is_free_differs_from_stage_to_stage():
 
 
 @pytest.mark.parallel
+def test_a_reference_point_is_named_in_the_first_stage_that_turns_at_the_latest(folder):
+    """Named later, it moved the loads of the stages before: refused, but its remedies, and the tool's own point, are not."""
+
+    def run(first, then, last, **options):
+        scene, ball = pressed()
+        stages = [Stage("sink", move={ball: Motion(z=-0.6, rz=0.0, **first)}),
+                  Stage("load", move={ball: Motion(force=(0, 0, -5.0), free="ry", **then)}),
+                  Stage("back", move={ball: Motion(z=0.1, **last)})]  # fmt: skip
+        return solve(scene, stages=stages, steps=1, **options, **TIGHT)
+
+    there, own = {"about": (4.5, 4, 9)}, {"about": (4, 4, 9 + 1e-14)}
+    late = "'ball': about = [4.5, 4.0, 9.0] in stage 'back', but not in stage 'load' before it"
+    refused(lambda: run({}, {}, there), late)
+    ways = [({}, {}, {}), ({}, {}, own), ({}, there, {}), ({}, there, there), (there, {}, {})]
+    angles = [run(*way).require().column("ball_angle_y_rad") for way in ways]
+    np.testing.assert_allclose(angles[1], angles[0], atol=1e-9)
+    np.testing.assert_allclose(angles[3:], [angles[2]] * 2, atol=1e-9)
+    assert abs(angles[2][1]) > 0.01 + abs(angles[0][1])
+    # added to a run that has turned it, it is refused as well; a run that starts from that one's end may have another one
+    scene, ball = pressed()
+    turns = Stage("turn", move={ball: Motion(z=-0.6, ry=0.1)}, steps=1)
+    later = Stage("later", move={ball: Motion(ry=0.1, **there)}, steps=1)
+    kept = Output(folder, checkpoint=True)
+    first = solve(scene, stages=[turns], out=kept, **TIGHT).require()
+    again = replace(kept, resume=True)
+    refused(lambda: solve(scene, stages=[turns, later], out=again, **TIGHT), "in stage 'later', but not in stage 'turn'")
+    solve(scene, stages=[later], start=first, **TIGHT).require()
+
+
+@pytest.mark.parallel
 def test_turns_about_several_axes_follow_one_another(folder):
     """Each stage turns what it finds; so does a run that starts from another one, about another point too."""
     scene, ball = pressed(0.0)
@@ -1059,6 +1089,16 @@ WRONG = {
         lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(about=(0, 0, 0), rx=1.0)}),
                    Stage("c", move={b: Motion(about=(0, 0, 1), rx=1.0)})],
         "motion of 'ball': about = [0.0, 0.0, 0.0] in one stage and [0.0, 0.0, 1.0] in another", "(R - 1)(c - p)",
+    ),
+    "a point named late": (
+        lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(about=(0, 0, 1), rx=1.0)})],
+        "motion of 'ball': about = [0.0, 0.0, 1.0] in stage 'b', but not in stage 'a' before it", "name about in stage 'a'",
+        "(R - 1)(c - p)",
+    ),
+    "a point named after free turns": (
+        lambda b: [Stage("a", move={b: Motion(z=-0.6, free="rx")}), Stage("b", pressures={"xmax": 0.02}),
+                   Stage("c", push={b: (0, 0, -1.0)}), Stage("d", move={b: Motion(about=(0, 0, 1), z=-0.1)})],
+        "in stage 'd', but not in stage 'a' and stage 'b' and stage 'c' before it", "its own, [4.0, 4.0, 9.0]",
     ),
     "a rotation that jumps": (
         lambda b: [Stage("a", move={b: Motion(rz=1.0)}), Stage("b", move={b: Motion(rz=lambda s: 0.5 + s)})],

@@ -34,6 +34,11 @@ if TYPE_CHECKING:  # which states them
 
 STILL = 1e-9  # of a force: what may lie between the end of a stage and the start of the next
 AXIS = "the axis along x"  # by which messages call what keeps bodies of revolution on it
+NEAR = 1e-9  # of the bodies' size: points no farther from each other are one
+ELSEWHERE = (  # where an error on a second reference point ends
+    "To turn about another point p give the turn rx, ry, rz together with the way of the reference point that goes with it, "
+    "(R - 1)(c - p), c being where it is then and R the turn"
+)
 ALONG = 1.0 - 1e-12  # cosine from which on two directions are one
 
 
@@ -209,7 +214,12 @@ def motion_of(scene: "Scene", stated: Sequence[Stage], stages: Stages, left: Map
         return start / scale
 
     paths, loads = ([partial(way, k) for k in range(len(tools))] for way in (path, pushed))
-    points = [_point(tool, [now.get(k) for now in driven_by], left.get(tool.name)) for k, tool in enumerate(tools)]
+    points = list[Floats]()
+    for k, tool in enumerate(tools):
+        its, own = [now.get(k) for now in driven_by], left.get(tool.name)
+        points.append(_point(tool, its, own))
+        turns = [bool(free[k, 3:].any()) or (one is not None and one.turned) for free, one in zip(frees, its, strict=True)]
+        _refuse_late_point(tool, own, list(zip(stated, its, turns, strict=True)), NEAR * lever)
     reach = max((tool.reach for tool in tools), default=0.0)
     return ToolMotion(stages, (paths, loads), points, frees, [tool.name for tool in tools], (lever, reach))
 
@@ -249,9 +259,7 @@ def _point(tool: Tool, stages: Sequence[Driven | None], left: LeftTool | None) -
     if said and any(not np.array_equal(about, said[0]) for about in said):
         raise SceneError(
             f"motion of '{tool.name}': about = {said[0].tolist()} in one stage and {said[-1].tolist()} in another; a tool "
-            "has one reference point, stated where it is at the start, in all stages. To turn about another point p give "
-            "the turn rx, ry, rz together with the way of the reference point that goes with it, (R - 1)(c - p), c being "
-            "where it is then and R the turn"
+            f"has one reference point, stated where it is at the start, in all stages. {ELSEWHERE}"
         )
     if left is None:
         return said[0] if said else tool.point
@@ -263,6 +271,28 @@ def _point(tool: Tool, stages: Sequence[Driven | None], left: LeftTool | None) -
             "the first stage move the tool"
         )
     return point
+
+
+def _refuse_late_point(
+    tool: Tool, left: LeftTool | None, course: Sequence[tuple[Stage, Driven | None, bool]], near: float
+) -> None:
+    """No stage is the first to name a tool's reference point, farther than `near` [length] from where it is if none does,
+    after one that may turn the tool: that would turn it about the point named too. course: by stage what it states of the
+    tool, and whether it may turn it."""
+    before = list[str]()
+    for stage, one, turns in course:
+        if one is None or one.about is None:
+            before += [str(stage)] * turns
+            continue
+        own, about = left.point if left and left.said else tool.point, one.about
+        if before and np.abs(about - own).max() > near:
+            raise SceneError(
+                f"motion of '{tool.name}': about = {about.tolist()} in {stage}, but not in {' and '.join(before)} before "
+                "it, where it turns or may turn; a tool has one reference point in all stages, so that there it would "
+                f"be this one too, and not its own, {own.tolist()}. Where that is meant, name about in {before[0]} as "
+                f"well, else leave it out. {ELSEWHERE}"
+            )
+        return
 
 
 def turning(stated: Sequence[Stage], left: Mapping[str, LeftTool]) -> list[str]:

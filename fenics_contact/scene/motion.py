@@ -18,13 +18,13 @@ ROUNDED = 1e-12  # of a load's largest component: less is round-off
 class Motion:
     """Displacement of a reference point of a tool along x, y, z [length] and rotation about it: what is not named stays.
 
-    about (3,): the point at the start, about which moments are taken too, one in all stages; by default the tool's own
-    [length]. rx, ry, rz:
-    components of the rotation vector in space, whose direction is the axis and whose length the angle [radians]. Each is a
-    number reached at t = 1 or a function of t. force, moment (3,): loads on the tool, of fixed direction, at t = 1 or
-    functions of t [force, force x length]; where they have a component the tool is free to move, and so it is along and
-    about the axes named in free="x rz", and where it was free in the stage before and the load stated now is zero. Of
-    rotations, all three may be free, or one while the others stay.
+    about (3,): the point at the start, about which moments are taken too, one in all stages, which the first that may turn
+    the tool names at the latest; by default the tool's own [length]. rx, ry, rz: components of the rotation vector in space,
+    whose direction is the axis and whose length the angle [radians]. Each is a number reached at t = 1 or a function of t.
+    force, moment (3,): loads on the tool, of fixed direction, at t = 1 or functions of t [force, force x length]; where they
+    have a component the tool is free to move, and so it is along and about the axes named in free="x rz", and where it was
+    free in the stage before and the load stated now is zero. Of rotations, all three may be free, or one while the others
+    stay.
     """
 
     about: Sequence[float] | Floats | None = None
@@ -52,12 +52,14 @@ class Motion:
 @dataclass(frozen=True)
 class Driven:
     """What a stage states of a tool, checked. path: s -> (6,), None: it stays where it is or goes where it is pushed; loads:
-    the ways of force and moment (3,), None of what is not named; free (6,); about (3,) [length], None: not said."""
+    the ways of force and moment (3,), None of what is not named; free (6,); about (3,) [length], None: not said; turned:
+    whether the path may turn it."""
 
     path: Path | None
     loads: tuple[Path | None, Path | None]
     free: Bools
     about: Floats | None = None
+    turned: bool = False
 
 
 def driven(comm: MPI.Comm, what: str, motion: Motion, before: Bools) -> Driven:
@@ -92,7 +94,8 @@ def driven(comm: MPI.Comm, what: str, motion: Motion, before: Bools) -> Driven:
     force, moment = only_free(force, free[:3], f"{what}: force"), only_free(moment, free[3:], f"{what}: moment")
     _refuse(what, [key for key, way in zip(COMPONENTS, moved, strict=True) if way], pushed, free, kept)
     about = None if motion.about is None else finite(motion.about, f"{what}: about", (3,))
-    return Driven(path, (force, moment), free, about)
+    turned = any(not isinstance(way, Ramp) or bool(way.end) for way in paths[3:] if way is not None)
+    return Driven(path, (force, moment), free, about, turned)
 
 
 def loaded(load: Path) -> Bools:
