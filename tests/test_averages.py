@@ -28,6 +28,7 @@ from fenics_contact import (
 )
 from fenics_contact.compat import geometry_dofmap
 from fenics_contact.contact.leaning import ASIDE
+from fenics_contact.contact.node_laws import JUDGED
 from fenics_contact.contact.samples import samples_for
 from fenics_contact.kernels.status import CLOSED, OPEN, SLIP, STICK
 from fenics_contact.meshes import ironing as mesh_script
@@ -279,7 +280,7 @@ def test_ways_are_tangential_to_the_nodes_and_foreseen(whole):
         system.assemble_tangent()
         state.u.x.array[:] = start + step * way
         system.foresight.foresee(state)
-        foreseen = contact.trial.judged.reshape(-1, 4)[sticks, 1:]
+        foreseen = contact.trial.judged.reshape(-1, JUDGED)[sticks, 1:4]
         system.foresight.release()
         left.append(np.linalg.norm(foreseen - ways()[1]))
     assert orders(np.array(left)).min() > 1.98

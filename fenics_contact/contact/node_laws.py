@@ -101,4 +101,5 @@ def bending(foreseen: Floats, taken: Floats, pressed: Bools, area: Floats, comm:
     every = np.array(comm.allgather(here))
     (whole, stays), most = every[:, :2].sum(axis=0), every[:, 2].max()
     share = min(max(whole / stays, 0.0), 1.0) if stays > 0.0 else 1.0
-    return np.where(pressed, share, np.minimum(share * most / np.maximum(taken, 1e-300), 1.0))
+    more = taken > share * most
+    return np.where(pressed, share, np.where(more, share * most / np.where(more, taken, 1.0), 1.0))
