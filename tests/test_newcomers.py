@@ -147,6 +147,42 @@ def test_a_step_that_may_not_be_cut_has_a_note_by_how_much_it_is_off(tool):
     assert share > 0.5 * (friction / found - rubs / load) > 0.05 and not result.verdict.cuts
 
 
+def met(rest, steps, stabilise, **drive):
+    """Rows, at t = 1/3 the first and at 1 the last, of a run in which a plate meets a pad with `rest` of that t left."""
+    mesh = read_gmsh(rectangles.build, rectangles={"pad": ((10.0, -4.0), (5.0, 3.0), (8, 4))})
+    scene = Scene(Body(mesh, "pad", neo_hooke(1.0, 8.0)), plane="strain")
+    scene.fix("pad_ymin")
+    plate = rigid_plane((0, -1.0 + 0.1 * (1.0 - rest), 0), normal=(0, -1, 0), name="plate")
+    scene.contact("pad_ymax", plate, friction=FRICTION, name="c")
+    result = solve(scene, move={plate: Motion(**drive)}, steps=steps, method=Method(stabilise=stabilise)).require()
+    first = int(np.flatnonzero(np.isclose(result.column("t"), 1.0 / 3.0))[0])
+    return [result.history[row] for row in (first, -1)], result
+
+
+@pytest.mark.parallel
+@pytest.mark.parametrize("stabilise", [False, True])
+@pytest.mark.parametrize("rest", [0.0, 0.001, 0.05])
+def test_a_touch_as_the_step_ends_cuts_it_to_a_hundredth_at_most(rest, stabilise):
+    """A plate that turns on to a pad: its friction is what it would be in short steps, all of it at first, then 4 %."""
+    turn = {"about": (0, 0, 0), "rz": -0.02}
+    rows, result = met(rest, 3, stabilise, **turn)
+    assert 3.0 * np.diff(result.column("t"), prepend=0.0).min() > 0.01 * (1.0 - 1e-9)  # was 0.0001
+    for row, fine in zip(rows, met(rest, 60, stabilise, **turn)[0], strict=True):
+        for name in ("c_load_N", "c_friction_x_N"):
+            assert abs(row[name] - fine[name]) < 0.02 * fine["c_load_N"]
+
+
+@pytest.mark.parallel
+def test_what_such_a_touch_has_of_the_way_through_the_air_is_told():
+    """Drawn obliquely by 0.05 in a step of which half a hundredth is left."""
+    (row, last), result = met(0.005, 3, True, x=0.15, y=-0.3)
+    times = [*np.linspace(0.3, 0.3316, 10), 0.332, 0.3325, 1 / 3, *np.linspace(0.4, 1, 7)]
+    right, end = met(0.005, times, True, x=0.15, y=-0.3)[0]
+    off = abs(row["c_friction_x_N"]) / row["c_load_N"] - abs(right["c_friction_x_N"]) / right["c_load_N"]
+    assert max(came_in(result)) > off > 0.05
+    assert abs(last["c_friction_x_N"] - end["c_friction_x_N"]) < 0.02 * end["c_load_N"]
+
+
 @pytest.mark.parallel
 def test_what_is_let_down_straight_is_not_cut_back():
     assert let_down(5.0, 0.0, 1)[2].verdict.cuts == 0

@@ -15,7 +15,7 @@ from fenics_contact.solvers.folding import FOLDS, SHORTEST, folds
 from fenics_contact.solvers.holding import thrown
 from fenics_contact.solvers.report import Stepper, StepReport
 from fenics_contact.solvers.snaps import snapped, wandered
-from fenics_contact.solvers.touching import TOUCHES, FirstTouch
+from fenics_contact.solvers.touching import FEWEST, TOUCHES, FirstTouch
 from fenics_contact.solvers.undecided import undecided
 from fenics_contact.solvers.verdict import StepFailed, Verdict
 from fenics_contact.types import Floats
@@ -71,7 +71,7 @@ def run(
     within = sooner  # greatest step that damping carries: after a jump over one of this length it may be twice as long
     leaks, turned, touch = Leaks(system), dict[str, Remark](), FirstTouch(system)
     for begin, target in zip([system.stages.start.t, *times], times, strict=False):
-        restless, cornered, why = 0, 0, ""
+        restless, cornered, why, least = 0, 0, "", _least(system, begin, target)
         while target - system.trail.last.t > 1e-12:
             start = time.perf_counter()
             goal, turn = _turned(system, target, verdict.longest)
@@ -79,8 +79,8 @@ def run(
             size = goal - system.trail.last.t
             report: StepReport | None
             try:
-                shorter, least = size / 2 >= verdict.smallest, SHORTEST * (target - begin)
-                report = _attempt(system, stepper, goal, touch, shorter, shorter and size > least * (1.0 + 1e-9))
+                smoother = size / 2 >= verdict.smallest and size > SHORTEST * (target - begin) * (1.0 + 1e-9)
+                report = _attempt(system, stepper, goal, touch, max(verdict.smallest, least), smoother)
             except StepFailed as failure:
                 report = None
                 cornered = cornered + 1 if in_corner(system, failure) else 0
@@ -118,14 +118,14 @@ def run(
     return verdict
 
 
-def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch, shorter: bool, smoother: bool) -> StepReport:
-    """The report of a step to a state that may be accepted; StepFailed. shorter: whether it may be; smoother: whether it is
-    to be where it folds cells."""
+def _attempt(system: System, stepper: Stepper, goal: float, touch: FirstTouch, least: float, smoother: bool) -> StepReport:
+    """The report of a step to a state that may be accepted; StepFailed. least: the shortest that is taken for a first touch
+    [t]; smoother: whether a shorter one is to be taken where it folds cells."""
     report = stepper.step(system, goal)
     if not _arrived(system, goal):
         raise StepFailed("supports or tools have not come all the way to where they are to be")
     wrong = system.acceptance.objection() or thrown(system) or (folds(system) if smoother else None)
-    if wrong := wrong or touch.objection(shorter):
+    if wrong := wrong or touch.objection(least):
         raise StepFailed.of(wrong)
     if wandered(system, report):
         u, q = system.state.u.x.array.copy(), system.state.q.copy()
@@ -206,17 +206,15 @@ def _turned(system: System, target: float, size: float) -> tuple[float, dict[str
     """End of the next step, in which no path turns a tool by more than WIDEST, nor what carries nodes by CARRYING; what is
     to be said where that is shorter than a size it may have. A state is in balance a whole turn on, too, and a step so long
     would not be seen. Collective."""
-    t, ties = system.trail.last.t, system.supports.ties
+    t = system.trail.last.t
     goal = _goal(t, target, size)
-    turns = system.tools.turns(t, goal)
-    carries = system.comm.allreduce(np.array([len(ties.of(i)) for i in range(len(turns))], dtype=np.int64)) > 0
-    carries &= bool(system.contact_terms)
-    shares = turns / np.where(carries, CARRYING, WIDEST)
+    turns, wide = system.tools.turns(t, goal), _widest(system)
+    shares = turns / wide
     if not shares.max(initial=0.0) > 1.0:
         return goal, {}
     widest = int(shares.argmax())
     most, why = 45, "what it touches may go the shorter way round"
-    if carries[widest]:
+    if wide[widest] == CARRYING:
         most, why = 15, "what it carries is stretched on the way"
     words = (
         f"a step would turn '{system.tools.names[widest]}' by {np.degrees(turns[widest]):.0f} degrees, where {why}: steps "
@@ -224,6 +222,19 @@ def _turned(system: System, target: float, size: float) -> tuple[float, dict[str
         "counts"
     )
     return _goal(t, target, (goal - t) / shares[widest]), {"turn": Remark(float(turns[widest]), words)}
+
+
+def _widest(system: System) -> Floats:
+    """By how much (tools,) one step may turn each tool [rad]. Collective."""
+    ties, tools = system.supports.ties, range(len(system.tools))
+    carries = system.comm.allreduce(np.array([len(ties.of(i)) for i in tools], dtype=np.int64)) > 0
+    return np.where(carries & bool(system.contact_terms), CARRYING, WIDEST)
+
+
+def _least(system: System, begin: float, target: float) -> float:
+    """The shortest step [t] taken for a first touch where this one is on the schedule, which may turn tools by more than one
+    may and be divided. Collective."""
+    return FEWEST * (target - begin) / max([1.0, *(system.tools.turns(begin, target) / _widest(system))])
 
 
 def _goal(t: float, target: float, size: float) -> float:

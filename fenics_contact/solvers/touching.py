@@ -12,7 +12,9 @@ from fenics_contact.types import Floats
 TOUCHES = "first touch of what moves aside"  # the kind of failure
 SLIGHT = 0.02  # of the load: friction that is not looked at
 LEAST = 0.002  # of the largest force: friction that matters to nothing yet, as of a strap that comes to lie on its drum
-FEWEST = 0.01  # of the step that was to be taken: the shortest in which bodies touch
+# Of the step on the schedule, or of as much of it as may turn tools at once: the shortest in which bodies touch. Of the last
+# step tried it would be ever less: where they touch as the step ends, all that are accepted before end short of it
+FEWEST = 0.01
 
 
 def untouched(system: System) -> list[ContactTerm]:
@@ -30,21 +32,20 @@ class FirstTouch:
     """Looks for friction that a step's state has of a way through the air.
 
     part: after what part of the step that was refused last bodies touch: as they have come nearer in the step before, or
-    else half of it. Loads are those of the longest step that was tried from the accepted state: in a shorter one that has
-    just touched friction is its share of hardly any.
+    else half of it. Loads are the greatest of the steps tried from the accepted state: in a shorter one that has just
+    touched friction is its share of hardly any.
     """
 
     def __init__(self, system: System) -> None:
         self._system, self._contacts = system, [contact for contact in system.contact_terms if contact.rough]
         self._loads: dict[ContactTerm, float] = {}
-        self._longest, self.part = 0.0, 0.5
+        self.part = 0.5
         self._remarks: dict[str, dict[str, Remark]] = {}
 
-    def objection(self, shorter: bool) -> Finding | None:
-        """Why the step to the present state is too long; shorter: whether it may be shorter. Collective."""
+    def objection(self, least: float) -> Finding | None:
+        """Why the step to the present state is too long; least: the shortest one that may take its place [t]. Collective."""
         system = self._system
         size = system.state.t - system.trail.last.t
-        self._longest = max(self._longest, size)
         self._remarks = {}
         if not self._contacts:
             return None
@@ -55,8 +56,8 @@ class FirstTouch:
             matters = max(SLIGHT * most, LEAST * system.scales.balance)
             free = come.friction < come.free and come.free > matters and self._driven_otherwise()
             come = come._replace(friction=come.free) if free else come
-            if come.friction > matters and shorter and size > FEWEST * self._longest:
-                self.part = self._touched(come.gaps, size)
+            if come.friction > matters and size / 2 >= least:
+                self.part = max(self._touched(come.gaps, size), least / size)
                 reason = "what touches first within the step has friction of its way through the air"
                 return Finding(TOUCHES, reason, f"contact '{contact.name}'", "take more steps there")
             if (aside := max(come.friction, come.beside)) > matters:
@@ -112,12 +113,11 @@ class FirstTouch:
         if len(before) < 2 or now >= then:
             return 0.5
         rate = (then - now) / (before[1].t - before[0].t)
-        return float(np.clip(now / (rate * size), FEWEST, 0.5))
+        return float(min(now / (rate * size), 0.5))
 
     def accepted(self) -> dict[str, dict[str, Remark]]:
         """The next step begins: what is to be said of the last one, by contact."""
         self._loads.clear()
-        self._longest = 0.0
         said, self._remarks = self._remarks, {}
         return said
 
