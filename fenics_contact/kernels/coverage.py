@@ -175,25 +175,22 @@ def _continued(q: int, size: int, xi: Floats) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def _outside(y: Vector, n: Vector, f: int, coords: Floats, surface: Surface) -> bool:
-    """Whether place y is seen, along n, beside the polygon of the corners of facet f."""
-    nodes, size = surface
-    for i in range(size[f]):
-        a = row(coords, nodes[f, i])
-        along = minus(row(coords, nodes[f, (i + 1) % size[f]]), a)
+def _passed(q: int, coords: Floats, master: Master, points: Floats, projection: Projection) -> bool:
+    """Whether sample q lies beyond its facet, beside its corners, too, for curved sides bulge, and a facet of the same nodes
+    lies there. Between bodies side by side it may meet neither."""
+    ((nodes, size), (starts, edges, sides, _)), f, n = master, projection[0][q], row(projection[5], q)
+    if not _continued(q, size[f], projection[3]):
+        return False
+    y = less(row(points, q), projection[4][q], n)
+    for e in range(starts[f], starts[f + 1]):
+        a, b, g = edges[e, 0], edges[e, 1], sides[e, 1]
+        if sides[e, 0] != f or g < 0 or not ((nodes[g] == a).any() and (nodes[g] == b).any()):
+            continue
+        along = minus(row(coords, b), row(coords, a))
         across = cross(along, n)
-        if dot(across, minus(y, a)) > TIE * norm(across) * norm(along):
+        if dot(across, minus(y, row(coords, a))) > TIE * norm(across) * norm(along):
             return True
     return False
-
-
-@njit(cache=True, error_model="numpy")
-def _passed(q: int, coords: Floats, surface: Surface, points: Floats, projection: Projection) -> bool:
-    """Whether sample q lies beyond its facet, beside its corners, too: curved sides bulge."""
-    f, n = projection[0][q], row(projection[5], q)
-    if not _continued(q, surface[1][f], projection[3]):
-        return False
-    return _outside(less(row(points, q), projection[4][q], n), n, f, coords, surface)
 
 
 @njit(cache=True, error_model="numpy")
@@ -244,7 +241,7 @@ def coverage(
         x, n, shares[q] = row(points, q), row(normal, q), 1.0
         e, d, nu = _nearest_end(x, n, (facet[q], gap[q]), coords, master, (row(sight[0], q), sight[1]))
         if e < 0:
-            if _passed(q, coords, master[0], points, projection):
+            if _passed(q, coords, master, points, projection):
                 shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
             continue
         far = near = corners[q, 0]
@@ -255,7 +252,7 @@ def coverage(
         span = times(rims[q], minus(row(coords, far), row(coords, near)))
         w = max(dot(nu, span), 1e-300)
         share = 0.5 + d / w
-        if share >= 1.0 and not _passed(q, coords, master[0], points, projection):
+        if share >= 1.0 and not _passed(q, coords, master, points, projection):
             continue
         if share <= 0.0 or share >= 1.0:
             shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
