@@ -171,7 +171,8 @@ class NodePlaces(PlacesOnFacets[MortarFeet]):
         N = np.empty((n, 3, self.facets[0].shape[1]))
         foot_shapes(np.arange(n), self.facets, projection, N)
         sight = self.sights.held or (projection[5], coords)
-        coverage(coords, (points, s.corners, s.rims), (self._corners, s.ends), sight, projection, cover)
+        samples = points, s.corners, s.rims, self.sights.kept
+        coverage(coords, samples, (self._corners, s.ends), sight, projection, cover)
         frames = np.empty((n, 5, 3))
         kernel.fill_frames(coords, self.facets, projection, N, frames)
         return *projection, *cover, N, frames

@@ -25,8 +25,9 @@ from fenics_contact.types import Bools, Floats, Ints64
 
 Ends = tuple[Ints64, Ints64, Ints64, Ints64]
 Master = tuple[Surface, Ends]
-# points (np, 3), corners (np, m) of their facets, rims (np,): w over what these measure
-Samples = tuple[Floats, Ints64, Floats]
+# points (np, 3), corners (np, m) of their facets, rims (np,): w over what these measure, facets (np,) of the master that
+# they keep wherever they are, -1: none, (0,): none does
+Samples = tuple[Floats, Ints64, Floats, Ints64]
 Cover = tuple[Floats, Ints64, Floats]
 Sight = tuple[Floats, Floats]  # normals (np, 3) of the samples, into the slave, and places (nx, 3) of all nodes
 
@@ -231,7 +232,7 @@ def coverage(
 
     master: its surface and ends; sight: by which it is judged what looks towards the samples.
     """
-    (points, corners, rims), (_, edges, _, _), (shares, around, slopes) = samples, master[1], cover
+    (points, corners, rims, kept), (_, edges, _, _), (shares, around, slopes) = samples, master[1], cover
     facet, kind, _, _, gap, normal = projection
     around[:], slopes[:] = -1, 0.0
     for q in range(len(points)):
@@ -240,8 +241,9 @@ def coverage(
             continue
         x, n, shares[q] = row(points, q), row(normal, q), 1.0
         e, d, nu = _nearest_end(x, n, (facet[q], gap[q]), coords, master, (row(sight[0], q), sight[1]))
+        free = len(kept) == 0 or kept[q] < 0
         if e < 0:
-            if _passed(q, coords, master, points, projection):
+            if free and _passed(q, coords, master, points, projection):
                 shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
             continue
         far = near = corners[q, 0]
@@ -252,7 +254,7 @@ def coverage(
         span = times(rims[q], minus(row(coords, far), row(coords, near)))
         w = max(dot(nu, span), 1e-300)
         share = 0.5 + d / w
-        if share >= 1.0 and not _passed(q, coords, master, points, projection):
+        if share >= 1.0 and not (free and _passed(q, coords, master, points, projection)):
             continue
         if share <= 0.0 or share >= 1.0:
             shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf

@@ -46,7 +46,7 @@ def covered(corners, x, surface, m=4):
     out = np.empty(n), np.empty((n, 4), np.int64), np.empty((n, 5, 3))
     aside = N.min(axis=1) if m == 3 else 0.5 * (1.0 - np.abs(places)).min(axis=1)
     every = np.concatenate([x, corners])
-    samples = points, np.tile(len(x) + np.arange(m), (n, 1)), np.full(n, 1.8 * aside.min())
+    samples = points, np.tile(len(x) + np.arange(m), (n, 1)), np.full(n, 1.8 * aside.min()), np.empty(0, np.int64)
     coverage(every, samples, (surface, ends), (ray[5], every), ray, out)
     return out[0], weights / weights.sum(), ray
 
