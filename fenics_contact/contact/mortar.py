@@ -87,15 +87,16 @@ class MortarPartner(OnFacets):
     def response(self, feet: MortarFeet, trial: Trial) -> Response:
         averaged, status, N, T, _ = self._laws.tractions(feet, trial)
         forces, sums, area = np.zeros_like(feet.coords), np.zeros((len(N), 13)), self.surface.area
-        kernel.add_node_forces(self._laws.pairs(feet, trial), (N, T, averaged[0], self.places.around.number), forces, sums)
+        acting = N, T, averaged[0], self.places.around.number
+        kernel.add_node_forces(self._laws.pairs(feet, trial.history.anchors), acting, forces, sums)
         if len(trial.rubs):
             add_rubbing(feet, self.places.facets[0], trial.rubs, forces)
         gap = np.minimum(averaged[0], self.places.search)[:, None]
         cover = self._laws.softened(averaged, trial)[:, None]
         traction, split = (sums[:, :3] / area)[:, None], (-sums[:, 3:4] / area, (-sums[:, 4:7] / area)[:, None])
         more = sums[:, 8:9] / np.maximum(sums[:, 7:8], 1e-300)
-        acting = -sums[:, 9:10] / area, (-sums[:, 10:] / area)[:, None]
-        return Response(traction, gap, status[:, None], cover, forces, split, 1.0 + more, acting)
+        aslant = -sums[:, 9:10] / area, (-sums[:, 10:] / area)[:, None]
+        return Response(traction, gap, status[:, None], cover, forces, split, 1.0 + more, aslant)
 
     def add_forces(self, feet: MortarFeet, response: Response, residual: Floats, tool_residual: Floats) -> None:
         """Add area T to the slave nodes' forces and its opposite to the master's, (14)."""
@@ -112,7 +113,7 @@ class MortarPartner(OnFacets):
         law = self._laws.numbers(trial, self._laws.friction(feet, trial))
         rates, pressed, rubbed = kernel.node_rates(law, averaged, self._laws.share(trial))
         rates[:, :, 1:4] = rates[:, :, 1:4] @ feet.kept
-        pairs, turned, pattern = self._laws.pairs(feet, trial), self._laws.turned(feet), self._pattern
+        pairs, turned, pattern = self._laws.pairs(feet, trial.history.anchors), self._laws.turned(feet), self._pattern
         directed, leading = self._laws.leading(feet, trial.law.friction)
         rough = NORMAL + (ROUGH - NORMAL) * rates[:, 1:, :4].any(axis=(1, 2))
         asked = np.where(rates[:, 0, 0] != 0.0, rough, 0)
@@ -140,8 +141,8 @@ class MortarPartner(OnFacets):
         return self._pattern.keys
 
     def foreseen(self, feet: MortarFeet, before: Linearised, trial: Trial) -> Floats:
-        """What decides (5 ns,), see `judged`: of the tractions which the tangent `before` foresees at these
-        places, with a share of what is found there.
+        """What decides (5 ns,), see `judged`: of the tractions which the tangent `before` foresees at these places, with a
+        share of what is found there.
 
         A node that pressed then opens by its pressure, or by a gap more than 1/SOFT times as wide as the solve has moved it:
         of a slender part the stiffness is far below E/h, by which what curvature leaves open would outweigh its pressure.
@@ -149,7 +150,7 @@ class MortarPartner(OnFacets):
         then, law, anchors = before.feet, trial.law, trial.history.anchors
         means = self._laws.averages(then, anchors)
         moved = motion(then, feet, self.places.first), *self._laws.leading(then, law.friction)
-        change = foreseen_averages(self._laws.pairs(then, trial), means, self._laws.turned(then), moved)
+        change = foreseen_averages(self._laws.pairs(then, anchors), means, self._laws.turned(then), moved)
         averaged = self._laws.averaged(feet, anchors)
         part = self._laws.softened(averaged, trial)
         eps = np.column_stack([law.eps_n, law.eps_t, law.eps_t, law.eps_t]) * np.maximum(part, 1e-300)[:, None]

@@ -30,10 +30,10 @@ class NodeLaws:
         return last[2]
 
     def averages(self, feet: MortarFeet, anchors: Anchors) -> kernel.Averaged:
-        return kernel.averages(feet.pairs(self._places.facets, own(anchors)))
+        return kernel.averages(self.pairs(feet, anchors))
 
-    def pairs(self, feet: MortarFeet, trial: Trial) -> kernel.Pairs:
-        return feet.pairs(self._places.facets, own(trial.history.anchors))
+    def pairs(self, feet: MortarFeet, anchors: Anchors) -> kernel.Pairs:
+        return feet.pairs(self._places.facets, own(anchors))
 
     def numbers(self, trial: Trial, friction: Friction) -> kernel.NodeLaws:
         law, shift = trial.law, trial.history.shift.ravel()
