@@ -241,11 +241,6 @@ def coverage(
             continue
         x, n, shares[q] = row(points, q), row(normal, q), 1.0
         e, d, nu = _nearest_end(x, n, (facet[q], gap[q]), coords, master, (row(sight[0], q), sight[1]))
-        free = len(kept) == 0 or kept[q] < 0
-        if e < 0:
-            if free and _passed(q, coords, master, points, projection):
-                shares[q], facet[q], kind[q], gap[q] = 0.0, -1, NONE, np.inf
-            continue
         far = near = corners[q, 0]
         for c in range(1, corners.shape[1]):
             node = corners[q, c]
@@ -253,7 +248,7 @@ def coverage(
             near = node if dot(nu, minus(row(coords, node), row(coords, near))) < 0.0 else near
         span = times(rims[q], minus(row(coords, far), row(coords, near)))
         w = max(dot(nu, span), 1e-300)
-        share = 0.5 + d / w
+        share, free = 0.5 + d / w if e >= 0 else 1.0, len(kept) == 0 or kept[q] < 0
         if share >= 1.0 and not (free and _passed(q, coords, master, points, projection)):
             continue
         if share <= 0.0 or share >= 1.0:
